@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <optional>
+#include <string>
+
+#include "sightline/base/result.hpp"
+#include "sightline/geometry/rigid3.hpp"
+
+namespace sightline {
+
+/// Lens families, with the coefficients as OpenCV defines them.
+enum class LensModel {
+  kBrownConrady,  ///< k1 k2 p1 p2 k3                (5 coefficients; fewer are zero)
+  kRational,      ///< k1 k2 p1 p2 k3 k4 k5 k6       (8)
+  kFisheye,       ///< equidistant: k1 k2 k3 k4      (4)
+};
+
+/// Pinhole with distortion. Camera axes x right, y down, z forward; pixel (0,0) is the centre of
+/// the top-left pixel. Immutable; safe for any number of threads; nothing allocates.
+class CameraModel {
+ public:
+  struct Parameters {
+    LensModel lens = LensModel::kBrownConrady;
+    int width = 0;                          ///< [px]
+    int height = 0;                         ///< [px]
+    double fx = 0, fy = 0, cx = 0, cy = 0;  ///< [px]
+    std::array<double, 8> distortion{};     ///< in the order of LensModel
+  };
+
+  /// Refuses sizes outside 1..32768, focal lengths that are not positive, and numbers that are not
+  /// finite. `where` names the camera or the file line.
+  static Result<CameraModel> create(const Parameters& parameters, const std::string& where);
+
+  const Parameters& parameters() const { return parameters_; }
+  int width() const { return parameters_.width; }
+  int height() const { return parameters_.height; }
+
+  /// Pixel of a point in the camera's frame [m], with d(pixel)/d(point) where asked. Empty for a
+  /// point behind the camera (z <= 0; fisheye: straight behind) or beyond max_valid_radius().
+  /// A pixel outside the picture is returned as it is.
+  std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& point_in_camera,
+                                         Eigen::Matrix<double, 2, 3>* jacobian = nullptr) const;
+
+  /// Unit ray of a pixel in the camera's frame; project(unproject(p)) = p to 1e-6 px inside the
+  /// picture. Empty where the lens polynomial has no inverse.
+  std::optional<Eigen::Vector3d> unproject(const Eigen::Vector2d& pixel) const;
+
+  /// Radius at which the lens polynomial folds over: in normalised coordinates hypot(x/z, y/z) for
+  /// pinhole lenses, the angle to the axis [rad] for fisheye. Infinite where it never folds.
+  double max_valid_radius() const { return max_valid_radius_; }
+
+  /// True if the pixel lies inside the picture (pixel areas, so from -0.5 to size - 0.5).
+  bool contains(const Eigen::Vector2d& pixel) const;
+
+ private:
+  explicit CameraModel(const Parameters& parameters);
+
+  Parameters parameters_;
+  double max_valid_radius_;
+};
+
+/// A camera of the rig: its lens and where it stands.
+struct CalibratedCamera {
+  std::string name;
+  CameraModel model;
+  Rigid3 world_from_camera;
+  double rms_px = 0.5;  ///< of its calibration; floor for measurement noise
+};
+
+}  // namespace sightline

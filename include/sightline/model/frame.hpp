@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <span>
+
+#include "sightline/base/ids.hpp"
+#include "sightline/base/time.hpp"
+#include "sightline/image/picture.hpp"
+#include "sightline/image/planes.hpp"
+
+namespace sightline {
+
+enum class FrameStatus : uint8_t { kGood, kDamaged };
+
+/// Which clock `device_time_ns` counts.
+enum class ClockLabel : uint8_t { kNone, kMonotonic, kRealtime, kTai, kDevice };
+
+/// Everything known about a frame but its pixels.
+struct FrameInfo {
+  CameraId camera;
+  uint32_t epoch = 0;           ///< grows on every reopen of the source
+  uint64_t sequence = 0;        ///< unwrapped; grows within an epoch
+  uint32_t dropped_before = 0;  ///< frames lost between the previous one and this one
+  FrameStatus status = FrameStatus::kGood;
+  ClockLabel device_clock = ClockLabel::kNone;
+  int64_t device_time_ns = 0;  ///< raw, as the device said
+  Time capture{};              ///< middle of exposure where the source can tell
+  Duration capture_error{0};   ///< bound on |capture - truth|; 0: exact or unknown to the file
+  Time arrival{};              ///< when the host had it
+  PixelFormat format = PixelFormat::kI420;  ///< of the payload
+  int width = 0;
+  int height = 0;
+};
+
+/// The camera's own bytes: driver buffer, heap or compressed packet. `owner` keeps them alive and
+/// gives the buffer back to its source when it dies.
+struct FramePayload {
+  std::span<const uint8_t> bytes;
+  ptrdiff_t stride = 0;  ///< of raw formats; 0: tightly packed
+  bool keyframe = true;  ///< false for inter-coded packets
+  int dmabuf_fd = -1;    ///< borrowed; -1: none
+  std::shared_ptr<const void> owner;
+};
+
+class Frame;
+/// Frames are immutable and counted; dropping the last reference returns the buffer to its source.
+using FramePtr = std::shared_ptr<const Frame>;
+
+/// One picture of one camera. Any thread may read any frame.
+class Frame {
+ public:
+  /// A frame whose pixels are decoded already (replay, MJPEG, H.264). `payload` may be empty.
+  static FramePtr decoded(const FrameInfo& info, std::shared_ptr<const Picture> picture,
+                          FramePayload payload = {});
+  /// A frame in a raw pixel format; I420 is made from the payload on first demand, into a picture
+  /// of `pool`. The payload must hold width x height pixels of info.format.
+  static FramePtr raw(const FrameInfo& info, FramePayload payload,
+                      std::shared_ptr<PicturePool> pool);
+
+  const FrameInfo& info() const { return info_; }
+  const FramePayload& payload() const { return payload_; }
+
+  /// The picture in I420, made once and shared; render copies it, never draws into it.
+  I420View i420() const;
+  /// The luma plane (of a grey or planar payload without conversion).
+  PlaneView grey() const;
+  /// Luma at half size (width/2 x height/2), made once and shared.
+  PlaneView half_grey() const;
+
+ private:
+  Frame(const FrameInfo& info, FramePayload payload, std::shared_ptr<PicturePool> pool,
+        std::shared_ptr<const Picture> picture);
+
+  FrameInfo info_;
+  FramePayload payload_;
+  std::shared_ptr<PicturePool> pool_;
+  mutable std::once_flag picture_once_, half_once_;
+  mutable std::shared_ptr<const Picture> picture_;
+  mutable std::shared_ptr<const Picture> half_;
+};
+
+}  // namespace sightline

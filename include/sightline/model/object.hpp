@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "sightline/geometry/rigid3.hpp"
+
+namespace sightline {
+
+/// One square marker on an object. Fiducial frame: origin at its centre, x right, y up, z out of
+/// the print.
+struct Fiducial {
+  std::string family;  ///< AprilTag ("tag36h11", ...) or ArUco dictionary ("aruco_4x4_50", ...)
+  int id = 0;
+  double size = 0;  ///< outer edge of the black border [m]
+  Rigid3 object_from_fiducial;
+};
+
+/// A printed ChArUco board that is the object. Board frame = object frame: origin at the top-left
+/// outer corner of the print, x right, y down, z into the board.
+struct CharucoBoard {
+  int columns = 0, rows = 0;  ///< squares
+  double square = 0;          ///< [m]
+  double marker = 0;          ///< [m]
+  std::string dictionary;     ///< "4X4_1000", ...
+  bool inverted = false;      ///< printed white on black
+};
+
+enum class Symmetry : uint8_t { kNone, kAxis, kDiscrete };
+
+/// An object file (object.toml, DESIGN section 5), read and checked.
+struct ObjectDescription {
+  std::string name;
+  std::filesystem::path file;  ///< the object file itself
+  std::filesystem::path mesh;  ///< absolute or relative to the working directory
+  double meters_per_unit = 1.0;
+  Symmetry symmetry = Symmetry::kNone;
+  Eigen::Vector3d symmetry_axis = Eigen::Vector3d::UnitZ();  ///< object frame, for kAxis
+  int symmetry_order = 1;                                    ///< turns of 360/n deg, for kDiscrete
+  std::vector<Fiducial> fiducials;
+  std::optional<CharucoBoard> board;
+};
+
+}  // namespace sightline

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "sightline/base/ids.hpp"
+#include "sightline/base/time.hpp"
+#include "sightline/model/pose_term.hpp"
+
+namespace sightline {
+
+/// A pose that an observation proposes by itself, as a start for the estimator.
+struct PoseHypothesis {
+  Rigid3 world_from_object;
+  double cost = 0;  ///< of the observation's terms at it (see LinearizedTerm)
+};
+
+/// What one camera's frame says of one object: the product of observe, the input of fuse. Never a
+/// picture. An observation without terms means "looked and did not see it".
+struct Observation {
+  ObjectId object;
+  CameraId camera;
+  uint32_t epoch = 0;
+  uint64_t sequence = 0;
+  Time capture{};
+  Duration capture_error{0};
+  std::vector<PoseTermPtr> terms;
+  /// Stand-alone poses, best first; two for a lone planar marker that could be flipped. Empty if
+  /// the observation can only refine a pose that is known.
+  std::vector<PoseHypothesis> hypotheses;
+};
+
+}  // namespace sightline
