@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <stop_token>
+#include <string>
+
+#include "sightline/base/result.hpp"
+#include "sightline/model/stream_types.hpp"
+
+namespace sightline {
+
+struct RtspOptions {
+  /// Numeric address or host name to bind. There is no authentication: "0.0.0.0" lets everybody on
+  /// the network watch.
+  std::string address = "127.0.0.1";
+  uint16_t port = 8554;  ///< 0: any free one, see RtspServer::port()
+  /// A viewer that shows no sign of life (RTCP, keep-alive) for so long is dropped.
+  Duration session_timeout = std::chrono::seconds(60);
+  int max_clients = 32;  ///< connections; more are refused
+};
+
+struct RtspStreamOptions {
+  int width = 0;
+  int height = 0;
+  double rate_hz = 30;  ///< nominal
+};
+
+/// One camera's address on the server. Any thread.
+class RtspStream {
+ public:
+  virtual ~RtspStream() = default;
+
+  /// Viewers that are playing now.
+  virtual int viewers() const = 0;
+  /// True while a client asks for the stream or plays it; false within a second of the last one's
+  /// TEARDOWN, lost connection or time-out. Without it nothing needs to be drawn or encoded.
+  virtual bool wanted() const = 0;
+  /// Sends a packet to all viewers; never waits. Cheap without viewers. Starts with a key frame;
+  /// after a packet had to be dropped, goes on with the next key frame.
+  virtual void push(const EncodedPacket& packet) = 0;
+  /// Packets that could not be sent on (the server's thread did not keep up).
+  virtual uint64_t dropped() const = 0;
+  /// Called on a server thread when wanted() changes; must not block nor call the server.
+  virtual void on_wanted(std::function<void(bool wanted)> callback) = 0;
+  /// Called on a server thread or from push() when a viewer needs a key frame to start: connect it
+  /// to VideoEncoder::request_keyframe(), which limits the rate.
+  virtual void on_keyframe_wanted(std::function<void()> callback) = 0;
+  /// "rtsp://ADDRESS:PORT/NAME"
+  virtual std::string url() const = 0;
+};
+
+/// Serves H.264 access units at rtsp://ADDRESS:PORT/NAME over RTP (UDP, or interleaved in the RTSP
+/// connection), one shared pipeline per stream. RTP time stamps are capture times, so streams of
+/// one server are on one clock. A viewer that does not read is cut off and harms nobody.
+class RtspServer {
+ public:
+  /// Binds the port; connections are answered once run() runs. A busy port is an Error that names
+  /// it and what to do.
+  static Result<std::unique_ptr<RtspServer>> create(const RtspOptions& options);
+  /// After run() has returned.
+  ~RtspServer();
+  RtspServer(const RtspServer&) = delete;
+  RtspServer& operator=(const RtspServer&) = delete;
+
+  /// Opens /NAME; any thread. kInvalidInput if the name is taken or not made of letters, digits and
+  /// "-_.".
+  Result<std::shared_ptr<RtspStream>> add_stream(const std::string& name,
+                                                 const RtspStreamOptions& options);
+  /// Closes /NAME and drops its viewers; any thread. push() on the stream is harmless afterwards.
+  void remove_stream(const std::string& name);
+
+  uint16_t port() const;
+  int clients() const;
+
+  /// Serves in the calling thread until `stop`; returns within a second of it. GStreamer runs
+  /// threads of its own: one per client connection and one per stream that is wanted.
+  void run(std::stop_token stop);
+
+ private:
+  struct Impl;
+  explicit RtspServer(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace sightline
