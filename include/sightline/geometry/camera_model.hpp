@@ -31,7 +31,8 @@ class CameraModel {
   };
 
   /// Refuses sizes outside 1..32768, focal lengths that are not positive, and numbers that are not
-  /// finite. `where` names the camera or the file line.
+  /// finite, and coefficients the lens model does not have. `where` names the camera or the file
+  /// line.
   static Result<CameraModel> create(const Parameters& parameters, const std::string& where);
 
   const Parameters& parameters() const { return parameters_; }
@@ -49,7 +50,8 @@ class CameraModel {
   std::optional<Eigen::Vector3d> unproject(const Eigen::Vector2d& pixel) const;
 
   /// Radius at which the lens polynomial folds over: in normalised coordinates hypot(x/z, y/z) for
-  /// pinhole lenses, the angle to the axis [rad] for fisheye. Infinite where it never folds.
+  /// pinhole lenses, the angle to the axis [rad] for fisheye. Infinite (pi for fisheye) where it
+  /// never folds. The radial part alone counts: the tangential terms are small.
   double max_valid_radius() const { return max_valid_radius_; }
 
   /// True if the pixel lies inside the picture (pixel areas, so from -0.5 to size - 0.5).
