@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "sightline/model/object.hpp"
+#include "sightline/record/pose_log.hpp"
+
+namespace sightline {
+
+/// Rotations that leave an object's look as it is; rotation errors are the least over them.
+struct SymmetryOption {
+  Symmetry kind = Symmetry::kNone;
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();  ///< object frame
+  int order = 1;                                    ///< for kDiscrete
+};
+
+struct EvaluateOptions {
+  double wrong_translation_mm = 20;  ///< a `tracking` row further off is a wrong claim
+  double wrong_rotation_deg = 10;
+  /// Rows between two truth times further apart than this count as outside the truth.
+  Duration max_truth_gap = std::chrono::milliseconds(200);
+  /// A truth time is covered by a row with a pose so close to it.
+  Duration coverage_tolerance = std::chrono::milliseconds(1);
+  std::map<std::string, SymmetryOption> symmetry;  ///< by object name
+};
+
+/// Median, 95th percentile (nearest rank) and maximum of `count` errors; 0 if there are none.
+struct ErrorSummary {
+  size_t count = 0;
+  double median_mm = 0, p95_mm = 0, max_mm = 0;
+  double median_deg = 0, p95_deg = 0, max_deg = 0;
+};
+
+/// How far the logged poses of one object are from the truth.
+struct ObjectEvaluation {
+  std::string object;
+  size_t rows = 0;           ///< of the log
+  size_t outside_truth = 0;  ///< rows with a pose, before, after or in a gap of the truth
+  ErrorSummary all;          ///< rows with a pose, whatever the state
+  std::map<TrackState, ErrorSummary> by_state;
+  std::array<size_t, 5> state_rows{};  ///< rows per TrackState
+  std::vector<Time> wrong_claims;      ///< `tracking` but further off than the limits
+  size_t truth_times = 0;
+  size_t covered = 0;  ///< truth times with a pose
+  double coverage() const;
+};
+
+struct Evaluation {
+  std::vector<ObjectEvaluation> objects;   ///< every object of the truth, by name
+  std::vector<std::string> without_truth;  ///< logged objects that have no truth
+};
+
+/// Compares poses with the truth, interpolated on SE(3) between its times and never beyond.
+Evaluation evaluate(std::span<const TruthRow> truth, std::span<const PoseLogRow> poses,
+                    const EvaluateOptions& options = {});
+
+/// Translation [mm] and rotation [deg] between a pose and the truth.
+struct PoseError {
+  double mm = 0, deg = 0;
+};
+PoseError pose_error(const Rigid3& truth, const Rigid3& pose, const SymmetryOption& symmetry = {});
+
+/// A table for people, and the same as JSON.
+std::string to_text(const Evaluation& evaluation);
+std::string to_json(const Evaluation& evaluation);
+
+}  // namespace sightline

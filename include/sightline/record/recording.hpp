@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "sightline/base/result.hpp"
+#include "sightline/base/time.hpp"
+
+namespace sightline {
+
+/// One line of frames.csv: the only source of a recorded frame's times.
+struct RecordedRow {
+  uint64_t sequence = 0;
+  Time capture{};
+  Time arrival{};
+  uint32_t dropped_before = 0;
+  size_t line = 0;  ///< in frames.csv, from 1
+};
+
+/// One camera of a recording; its index in Recording::cameras is its CameraId.
+struct RecordedCamera {
+  std::string name;
+  std::filesystem::path file;  ///< absolute or relative to the working directory
+  std::string codec;           ///< "h264", "mpeg4", "mjpeg", "ffv1", "rawvideo"
+  int width = 0;
+  int height = 0;
+  /// Capture order; row n belongs to the n-th displayed picture of `file`. Both counts agree after
+  /// open_recording(): a tail that only one of the two has is cut off (with a warning).
+  std::vector<RecordedRow> rows;
+
+  /// Median time between rows; 0 with fewer than two rows.
+  Duration frame_period() const;
+};
+
+/// recording.toml as written; paths relative to the recording's folder.
+struct RecordingManifest {
+  struct Camera {
+    std::string name, file, codec;
+    int width = 0, height = 0;
+    int line = 0;  ///< of its table in recording.toml
+  };
+  std::string name;
+  std::string start_utc;  ///< RFC 3339; empty if the file does not say
+  std::optional<int64_t> start_monotonic_ns;
+  std::vector<Camera> cameras;
+  std::vector<std::string> objects;
+  std::optional<std::string> scene;
+  std::vector<std::string> warnings;  ///< unknown keys, with line and column
+};
+
+/// A recording folder (DESIGN section 5) that has been opened and checked.
+struct Recording {
+  std::filesystem::path path;
+  std::string name;
+  std::string start_utc;  ///< RFC 3339; empty if unknown
+  std::vector<RecordedCamera> cameras;
+  std::vector<std::filesystem::path> objects;  ///< object files
+  std::optional<std::filesystem::path> scene;
+  std::optional<std::filesystem::path> calibration;
+  std::optional<std::filesystem::path> truth;
+  std::optional<std::filesystem::path> poses;
+  std::vector<std::string> warnings;  ///< what is odd but did not stop it from opening
+
+  /// Earliest and latest capture time over all cameras; 0 without frames.
+  Time first_capture() const;
+  Time last_capture() const;
+  size_t frame_count() const;  ///< over all cameras
+};
+
+enum class RecordingMode {
+  kReplay,  ///< a missing tail of at most kToleratedTail is a warning (crash, pulled plug)
+  kStrict,  ///< every difference between frames.csv and the videos is an error
+};
+
+/// How much of its end a recording may have lost and still be replayed.
+inline constexpr Duration kToleratedTail = std::chrono::seconds(1);
+
+/// Opens and checks a recording: recording.toml, frames.csv, and by demuxing (not decoding) that
+/// every video is there, is what recording.toml says and has one picture per row. A last line of
+/// frames.csv that was cut off is dropped with a warning in both modes. Errors name file:line.
+Result<Recording> open_recording(const std::filesystem::path& path,
+                                 RecordingMode mode = RecordingMode::kReplay);
+
+/// Parses recording.toml. `where` is the file name for errors ("where:line:column").
+Result<RecordingManifest> parse_recording_toml(std::string_view text, const std::string& where);
+
+/// The rows of frames.csv, one vector per name in `cameras`. Refused, naming the line: a wrong
+/// header, missing, negative or non-numeric columns, unknown cameras, and per camera duplicated or
+/// unsorted sequences and capture times that do not grow. `warnings` may be null.
+Result<std::vector<std::vector<RecordedRow>>> parse_frames_csv(std::string_view text,
+                                                               const std::string& where,
+                                                               std::span<const std::string> cameras,
+                                                               std::vector<std::string>* warnings);
+
+}  // namespace sightline
