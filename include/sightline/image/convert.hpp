@@ -1,18 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <span>
+#include <string_view>
 
 #include "sightline/base/result.hpp"
 #include "sightline/image/planes.hpp"
 
 namespace sightline {
 
+/// "I420", "YUYV", ... for messages and files.
+std::string_view to_string(PixelFormat format);
+
 /// Copies (same size).
 void copy_i420(const I420View& from, const MutableI420View& to);
 
-/// Converts one packed or planar raw picture into I420 (libyuv). `bytes` holds the picture with
-/// rows `stride` bytes apart (0: tightly packed). Refuses buffers that are too small.
+/// Bytes that a raw picture takes, rows `stride` bytes apart (0: tightly packed); the last row need
+/// not be padded. I420: chroma rows are (stride + 1) / 2 apart. Refuses sizes outside 1..32768, a
+/// stride shorter than a row, and compressed formats.
+Result<size_t> raw_picture_bytes(PixelFormat format, int width, int height, ptrdiff_t stride);
+
+/// Converts one packed or planar raw picture into I420 (libyuv), BT.601 limited range. `bytes`
+/// holds the picture with rows `stride` bytes apart (0: tightly packed); kRgb24 is R, G, B in
+/// memory; kY10..kY16 are little-endian, value in the low bits. Grey is full range at the sensor
+/// and compressed into 16..235. Refuses buffers that are too small and compressed formats.
 Status raw_to_i420(PixelFormat format, std::span<const uint8_t> bytes, ptrdiff_t stride,
                    const MutableI420View& to);
 

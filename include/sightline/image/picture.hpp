@@ -36,6 +36,8 @@ class PicturePool {
  public:
   PicturePool(int width, int height, size_t keep_at_most = 16);
   std::shared_ptr<Picture> get();
+  /// A picture of half the size (width/2 x height/2), recycled in the same way.
+  std::shared_ptr<Picture> get_half();
   /// Pictures allocated since the start; constant once warm.
   size_t allocated() const;
 

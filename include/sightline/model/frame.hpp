@@ -53,10 +53,12 @@ using FramePtr = std::shared_ptr<const Frame>;
 class Frame {
  public:
   /// A frame whose pixels are decoded already (replay, MJPEG, H.264). `payload` may be empty.
+  /// `pool` (of the frame's size) lends the half-size picture; without it, that one is allocated.
   static FramePtr decoded(const FrameInfo& info, std::shared_ptr<const Picture> picture,
-                          FramePayload payload = {});
+                          FramePayload payload = {}, std::shared_ptr<PicturePool> pool = nullptr);
   /// A frame in a raw pixel format; I420 is made from the payload on first demand, into a picture
-  /// of `pool`. The payload must hold width x height pixels of info.format.
+  /// of `pool`. The payload must hold width x height pixels of info.format: the source checks what
+  /// the device gave (raw_picture_bytes()) before it makes a frame.
   static FramePtr raw(const FrameInfo& info, FramePayload payload,
                       std::shared_ptr<PicturePool> pool);
 
@@ -65,9 +67,9 @@ class Frame {
 
   /// The picture in I420, made once and shared; render copies it, never draws into it.
   I420View i420() const;
-  /// The luma plane (of a grey or planar payload without conversion).
+  /// The luma plane (of a grey or planar payload without conversion, so grey is full range there).
   PlaneView grey() const;
-  /// Luma at half size (width/2 x height/2), made once and shared.
+  /// grey() at half size (width/2 x height/2), made once and shared.
   PlaneView half_grey() const;
 
  private:
@@ -77,6 +79,7 @@ class Frame {
   FrameInfo info_;
   FramePayload payload_;
   std::shared_ptr<PicturePool> pool_;
+  bool decoded_;  ///< the picture was there from the start
   mutable std::once_flag picture_once_, half_once_;
   mutable std::shared_ptr<const Picture> picture_;
   mutable std::shared_ptr<const Picture> half_;

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sightline/model/frame.hpp"
+
+#include <utility>
+
+#include "sightline/base/check.hpp"
+#include "sightline/image/convert.hpp"
+
+namespace sightline {
+namespace {
+
+bool luma_comes_first(PixelFormat format) {
+  return format == PixelFormat::kGrey || format == PixelFormat::kI420 ||
+         format == PixelFormat::kNv12;
+}
+
+// The payload's own planes; only for formats whose luma comes first.
+PlaneView luma_of(const FrameInfo& info, const FramePayload& payload) {
+  return {payload.bytes.data(), info.width, info.height,
+          payload.stride != 0 ? payload.stride : info.width};
+}
+
+I420View planes_of(const FrameInfo& info, const FramePayload& payload) {
+  const PlaneView y = luma_of(info, payload);
+  const int width = (info.width + 1) / 2, height = (info.height + 1) / 2;
+  const ptrdiff_t stride = (y.stride + 1) / 2;
+  const uint8_t* const u = y.data + y.stride * info.height;
+  return {y, {u, width, height, stride}, {u + stride * height, width, height, stride}};
+}
+
+}  // namespace
+
+Frame::Frame(const FrameInfo& info, FramePayload payload, std::shared_ptr<PicturePool> pool,
+             std::shared_ptr<const Picture> picture)
+    : info_(info),
+      payload_(std::move(payload)),
+      pool_(std::move(pool)),
+      decoded_(picture != nullptr),
+      picture_(std::move(picture)) {}
+
+FramePtr Frame::decoded(const FrameInfo& info, std::shared_ptr<const Picture> picture,
+                        FramePayload payload, std::shared_ptr<PicturePool> pool) {
+  SL_CHECK(picture != nullptr, "a decoded frame has a picture");
+  SL_CHECK(picture->width() == info.width && picture->height() == info.height,
+           "frame and picture differ in size");
+  return FramePtr(new Frame(info, std::move(payload), std::move(pool), std::move(picture)));
+}
+
+FramePtr Frame::raw(const FrameInfo& info, FramePayload payload,
+                    std::shared_ptr<PicturePool> pool) {
+  const auto needed = raw_picture_bytes(info.format, info.width, info.height, payload.stride);
+  SL_CHECK(needed.has_value(), "the source passed a format or size that is no raw picture");
+  SL_CHECK(payload.bytes.size() >= *needed, "the source passed a payload that is too small");
+  SL_CHECK(pool != nullptr, "a raw frame needs a pool for its picture");
+  return FramePtr(new Frame(info, std::move(payload), std::move(pool), nullptr));
+}
+
+I420View Frame::i420() const {
+  std::call_once(picture_once_, [this] {
+    if (decoded_ || info_.format == PixelFormat::kI420) return;
+    auto picture = pool_->get();
+    const Status status =
+        raw_to_i420(info_.format, payload_.bytes, payload_.stride, picture->mutable_view());
+    SL_CHECK(status.has_value(), "raw() checked the sizes");
+    picture_ = std::move(picture);
+  });
+  return picture_ ? picture_->view() : planes_of(info_, payload_);
+}
+
+PlaneView Frame::grey() const {
+  if (!decoded_ && luma_comes_first(info_.format)) return luma_of(info_, payload_);
+  return i420().y;
+}
+
+PlaneView Frame::half_grey() const {
+  const int width = info_.width / 2, height = info_.height / 2;
+  if (width == 0 || height == 0) return {};
+  std::call_once(half_once_, [&] {
+    auto half = pool_ ? pool_->get_half() : std::make_shared<Picture>(width, height);
+    halve_plane(grey(), half->mutable_view().y);
+    half_ = std::move(half);
+  });
+  return half_->view().y;
+}
+
+}  // namespace sightline
