@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "sightline/base/result.hpp"
@@ -38,6 +39,11 @@ struct MeshOptions {
 /// triangulated, missing normals made. Errors name file and line or element.
 Result<TriangleMesh> read_mesh(const std::filesystem::path& path, const MeshOptions& options = {});
 
+/// The same from memory; `format` is the extension without dot ("obj", "3vn", ...). `where` names
+/// the file in errors. Companion files (OBJ materials) are found only by read_mesh().
+Result<TriangleMesh> parse_mesh(std::string_view content, const std::string& format,
+                                const std::string& where, const MeshOptions& options = {});
+
 /// 3VN from memory: first line "VERTICES NORMALS FACES", then the vertices, the normals, and one
 /// line per face: N, then N vertex indices and N normal indices (see docs/formats.md).
 Result<TriangleMesh> parse_3vn(std::string_view text, const std::string& where,
@@ -50,8 +56,8 @@ Result<TriangleMesh> finish_mesh(TriangleMesh mesh, const std::string& where,
 
 /// Axis-aligned box centred at the origin, outward faces; sides in metres. For tests and examples.
 TriangleMesh make_box(const Eigen::Vector3f& size);
-/// Closed sphere-like mesh of about `faces` triangles with a bumpy radius. For tests and
-/// benchmarks.
+/// Closed torus about z whose tube is bumpy, of about `faces` triangles (at least 32), fitting a
+/// sphere of `radius` [m]. Not convex. For tests and benchmarks.
 TriangleMesh make_bumpy_torus(size_t faces, float radius);
 
 }  // namespace sightline
