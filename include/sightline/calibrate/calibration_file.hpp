@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "sightline/base/result.hpp"
+#include "sightline/geometry/camera_model.hpp"
+
+namespace sightline {
+
+/// The calibration of a rig, `calibration.toml`: one [[camera]] each with
+///
+///     name = "left"                      # unique
+///     width = 640                        # [px]
+///     height = 480
+///     model = "brown_conrady"            # or "rational", "fisheye" (also called "equidistant")
+///     fx = 612.4                         # [px]; pixel (0,0) is the centre of the top-left pixel
+///     fy = 611.7
+///     cx = 322.8
+///     cy = 236.1
+///     distortion = [k1, k2, p1, p2, k3]  # up to 5, 8 or 4 numbers; fewer are zero
+///     world_from_camera = [[..], [..], [..], [..]]  # 4x4 row-major, or 16 numbers [m]
+///     rvec = [..], tvec = [..]           # or these: OpenCV's, that is camera_from_world [rad, m]
+///     rms_px = 0.37                      # optional, of the calibration
+///     date = 2024-05-31                  # optional, TOML date, date-time or text
+///     [camera.sigmas]                    # optional: one standard deviation per parameter
+///     fx = 0.4
+///
+/// Unknown keys, wrong types, duplicates, missing keys and matrices that are no rotation are
+/// errors with `where` = file:line:column.
+Result<std::vector<CalibratedCamera>> read_calibration(const std::filesystem::path& path);
+
+/// The same from memory; `where` names the file in errors.
+Result<std::vector<CalibratedCamera>> parse_calibration(std::string_view text,
+                                                        const std::string& where);
+
+/// Text that parse_calibration() reads back to the same cameras, to the last digit.
+std::string format_calibration(const std::vector<CalibratedCamera>& cameras);
+
+/// Replaces the file so that a crash leaves the old one or the new one.
+Status write_calibration(const std::filesystem::path& path,
+                         const std::vector<CalibratedCamera>& cameras);
+
+/// The camera of that name, or null.
+const CalibratedCamera* find_camera(const std::vector<CalibratedCamera>& cameras,
+                                    std::string_view name);
+
+}  // namespace sightline
