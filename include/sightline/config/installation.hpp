@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "sightline/base/log.hpp"
+#include "sightline/base/result.hpp"
+#include "sightline/control/http_server.hpp"
+#include "sightline/fuse/estimator.hpp"
+#include "sightline/geometry/camera_model.hpp"
+#include "sightline/model/object.hpp"
+#include "sightline/observe/fiducial_observer.hpp"
+#include "sightline/record/writer.hpp"
+#include "sightline/render/camera_renderer.hpp"
+#include "sightline/render/overlay_style.hpp"
+#include "sightline/stream/encoder.hpp"
+#include "sightline/stream/rtsp_server.hpp"
+
+namespace sightline {
+
+enum class CameraRole : uint8_t { kObserveAndStream, kStream, kObserve };
+constexpr bool observes(CameraRole role) { return role != CameraRole::kStream; }
+constexpr bool streams(CameraRole role) { return role != CameraRole::kObserve; }
+
+/// One camera of an installation; its index in Installation::cameras is its CameraId.
+struct CameraConfig {
+  std::string name;
+  std::filesystem::path recording;  ///< folder of the recording that is played ("replay:...")
+  std::string recorded_as;          ///< name of the camera in it
+  bool loop = true;                 ///< play it again and again
+  double rate_hz = 0;               ///< nominal, for the encoder; 0: what the source says
+  CameraRole role = CameraRole::kObserveAndStream;
+  CalibratedCamera calibration;  ///< lens, size and place
+  OverlayStyle overlay;          ///< [overlay] with this camera's own changes
+  std::string where;             ///< "file:line:column" of its table, for later errors
+};
+
+/// One object; its index in Installation::objects is its ObjectId.
+struct ObjectConfig {
+  ObjectDescription description;
+  uint64_t content = 0;  ///< hash of object file and mesh, so that a reload sees a change
+  std::string where;
+};
+
+/// Static things that hide objects.
+struct SceneConfig {
+  std::vector<std::filesystem::path> meshes;
+  double meters_per_unit = 1.0;
+  uint64_t content = 0;  ///< hash of the files
+};
+
+struct RtspConfig {
+  bool enabled = true;
+  RtspOptions server;
+};
+
+struct HttpConfig {
+  bool enabled = true;
+  HttpOptions server;
+};
+
+struct RecordConfig {
+  bool enabled = false;
+  std::filesystem::path directory;  ///< each run makes a folder of its own in it
+  bool overlay = false;             ///< also the annotated video
+  RawStorage raw_storage = RawStorage::kRaw;
+};
+
+struct DaemonConfig {
+  log::Level log_level = log::Level::kInfo;
+};
+
+/// An installation file, read and checked against everything it names. Paths are absolute or
+/// relative to the working directory.
+struct Installation {
+  std::filesystem::path file;  ///< itself; the folder for recording_installation()
+  std::string name;
+  std::filesystem::path calibration;
+  std::vector<CameraConfig> cameras;
+  std::vector<ObjectConfig> objects;
+  SceneConfig scene;
+  RenderOptions render;     ///< the parts of [overlay] that all cameras share
+  FiducialOptions observe;  ///< [observe]
+  EstimatorOptions estimator;
+  RtspConfig rtsp;
+  EncoderOptions encoder;  ///< bitrate_kbps, keyframe_interval, prefer; the rest is the camera's
+  HttpConfig http;
+  RecordConfig record;
+  DaemonConfig daemon;
+};
+
+/// A camera as a recording lists it: what the configuration checks against.
+struct RecordedCameraEntry {
+  std::string name;
+  int width = 0, height = 0;
+};
+
+/// What reading an installation asks of the world beside its text. Tests and fuzzers bring their
+/// own.
+struct InstallationFiles {
+  std::function<Result<std::vector<CalibratedCamera>>(const std::filesystem::path&)> calibration;
+  std::function<Result<ObjectDescription>(const std::filesystem::path&)> object;
+  std::function<Result<std::vector<RecordedCameraEntry>>(const std::filesystem::path&)> recording;
+  std::function<bool(const std::filesystem::path&)> is_file;
+  std::function<bool(const std::filesystem::path&)> is_directory;
+  std::function<uint64_t(const std::filesystem::path&)> content;  ///< hash; 0 if unreadable
+
+  static InstallationFiles on_disk();
+};
+
+/// Reads and checks an installation file (docs/configuration.md). All mistakes are reported at
+/// once: `where` is that of the first ("file:line:column"), `text` one line per mistake, the
+/// further ones with their own place in front. Nothing is opened but files.
+Result<Installation> read_installation(const std::filesystem::path& path);
+
+/// The same from memory; relative paths start at the folder of `path`.
+Result<Installation> parse_installation(std::string_view text, const std::filesystem::path& path,
+                                        const InstallationFiles& files);
+
+/// An installation for a recording folder as it is: its cameras, calibration, objects and scene,
+/// defaults for the rest, and no server. Camera and object ids are those of the recording.
+Result<Installation> recording_installation(const std::filesystem::path& folder);
+
+/// What differs between two installations, so that a reload restarts only that. Cameras and objects
+/// are matched by name, names in the order of the new (removed: of the old) file.
+struct InstallationChanges {
+  std::vector<std::string> cameras_added, cameras_removed;
+  std::vector<std::string> cameras_changed;   ///< source, role, rate or calibration
+  std::vector<std::string> cameras_restyled;  ///< only the overlay
+  std::vector<std::string> objects_added, objects_removed, objects_changed;
+  bool camera_ids = false;  ///< a camera that stays has another CameraId now
+  bool object_ids = false;
+  bool scene = false, render = false, observe = false, estimator = false;
+  bool rtsp = false, encoder = false, http = false, record = false, daemon = false;
+
+  bool none() const;
+  /// One line for the log: "camera left changed; overlay of side; rtsp", "nothing".
+  std::string summary() const;
+};
+InstallationChanges compare(const Installation& before, const Installation& after);
+
+}  // namespace sightline
