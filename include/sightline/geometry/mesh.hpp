@@ -26,6 +26,7 @@ struct TriangleMesh {
   Eigen::Vector3f center = Eigen::Vector3f::Zero();  ///< of the bounding sphere
   float radius = 0;                                  ///< of the bounding sphere [m]
   bool closed = false;  ///< every edge belongs to exactly two faces of opposite direction
+                        ///< (as read, before faces without area were dropped)
 };
 
 struct MeshOptions {
@@ -49,8 +50,9 @@ Result<TriangleMesh> parse_mesh(std::string_view content, const std::string& for
 Result<TriangleMesh> parse_3vn(std::string_view text, const std::string& where,
                                const MeshOptions& options = {});
 
-/// Fills normals (where empty), bounds and `closed`, and checks the rest. Used by all readers and
-/// by programs that make meshes.
+/// Applies the unit, merges vertices at the same place, drops vertices no face uses and faces
+/// without area, fills normals (where empty), bounds and `closed`, and checks the rest. The order
+/// of vertices and faces stays. Used by all readers and by programs that make meshes.
 Result<TriangleMesh> finish_mesh(TriangleMesh mesh, const std::string& where,
                                  const MeshOptions& options = {});
 

@@ -1,0 +1,250 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <assimp/material.h>
+#include <assimp/postprocess.h>
+#include <assimp/scene.h>
+
+#include <assimp/BaseImporter.h>
+#include <assimp/MemoryIOWrapper.h>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <assimp/IOSystem.hpp>
+#include <assimp/Importer.hpp>
+#include <cmath>
+#include <cstring>
+#include <exception>
+#include <memory>
+#include <set>
+
+#include "mesh_readers.hpp"
+#include "sightline/base/files.hpp"
+
+namespace sightline {
+namespace {
+
+constexpr size_t kMaxCompanionBytes = size_t{256} << 20;
+
+/// All that assimp gets to see: the mesh itself, from memory, and regular files of bounded size in
+/// its folder and below. A material library named "/dev/zero" or "../../x" does not exist here.
+class BoundedFiles : public Assimp::IOSystem {
+ public:
+  BoundedFiles(std::string_view content, std::string name, std::filesystem::path directory)
+      : content_(content), name_(std::move(name)), directory_(std::move(directory)) {}
+
+  bool Exists(const char* file) const override {
+    if (name_ == file) return true;
+    std::error_code ignored;
+    const std::filesystem::path path = inside(file);
+    return !path.empty() && std::filesystem::is_regular_file(path, ignored);
+  }
+
+  char getOsSeparator() const override { return '/'; }
+
+  Assimp::IOStream* Open(const char* file, const char* mode) override {
+    if (std::strchr(mode, 'r') == nullptr) return nullptr;
+    if (name_ == file) return stream_of(content_);
+    const std::filesystem::path path = inside(file);
+    if (path.empty()) return nullptr;
+    auto content = read_file(path, kMaxCompanionBytes);
+    if (!content) return nullptr;
+    companions_.push_back(std::make_unique<std::string>(*std::move(content)));
+    return stream_of(*companions_.back());
+  }
+
+  void Close(Assimp::IOStream* stream) override { delete stream; }
+
+ private:
+  static Assimp::IOStream* stream_of(std::string_view text) {
+    return new Assimp::MemoryIOStream(reinterpret_cast<const uint8_t*>(text.data()), text.size());
+  }
+
+  std::filesystem::path inside(const char* file) const {
+    const std::filesystem::path relative = std::filesystem::path(file).lexically_normal();
+    if (directory_.empty() || relative.empty() || relative.is_absolute() ||
+        *relative.begin() == "..") {
+      return {};
+    }
+    return directory_ / relative;
+  }
+
+  std::string_view content_;
+  std::string name_;
+  std::filesystem::path directory_;
+  std::vector<std::unique_ptr<std::string>> companions_;
+};
+
+/// Takes away every loader but those of the format, for assimp asks the others when it is in doubt,
+/// and a mesh called .obj must not be read as something else.
+void keep_loaders_of(const std::string& format, Assimp::Importer* importer) {
+  std::vector<Assimp::BaseImporter*> others;
+  for (size_t i = 0; i < importer->GetImporterCount(); ++i) {
+    std::set<std::string> extensions;
+    importer->GetImporter(i)->GetExtensionList(extensions);
+    if (extensions.count(format) == 0) others.push_back(importer->GetImporter(i));
+  }
+  for (Assimp::BaseImporter* loader : others) {
+    importer->UnregisterLoader(loader);
+    delete loader;  // unregistering hands it over
+  }
+}
+
+Eigen::Matrix4f to_eigen(const aiMatrix4x4& m) {
+  Eigen::Matrix4f out;
+  for (unsigned r = 0; r < 4; ++r) {
+    for (unsigned c = 0; c < 4; ++c) out(static_cast<int>(r), static_cast<int>(c)) = m[r][c];
+  }
+  return out;
+}
+
+Eigen::Vector3f to_eigen(const aiVector3D& v) { return {v.x, v.y, v.z}; }
+
+/// Gathers the meshes of a scene under their nodes' transforms.
+class SceneReader {
+ public:
+  SceneReader(const aiScene& scene, bool use_normals, const std::string& where,
+              const MeshOptions& options)
+      : scene_(scene), use_normals_(use_normals), where_(where), options_(options) {}
+
+  Result<PolygonMesh> read() {
+    use_normals_ = use_normals_ && all_have_normals();
+    has_colors_ = any_has_color();
+    std::vector<std::pair<const aiNode*, Eigen::Matrix4f>> stack;
+    if (scene_.mRootNode != nullptr)
+      stack.emplace_back(scene_.mRootNode, Eigen::Matrix4f::Identity());
+    while (!stack.empty()) {
+      const auto [node, parent] = stack.back();
+      stack.pop_back();
+      const Eigen::Matrix4f root_from_node = parent * to_eigen(node->mTransformation);
+      for (unsigned i = 0; i < node->mNumMeshes; ++i) {
+        if (node->mMeshes[i] >= scene_.mNumMeshes) return fault("node without its mesh");
+        SL_RETURN_IF_ERROR(append(*scene_.mMeshes[node->mMeshes[i]], root_from_node));
+      }
+      for (unsigned i = node->mNumChildren; i-- > 0;) {
+        stack.emplace_back(node->mChildren[i], root_from_node);
+      }
+    }
+    return std::move(out_);
+  }
+
+ private:
+  template <typename... Args>
+  Error fault(fmt::format_string<Args...> format, Args&&... args) const {
+    return make_error(ErrorCode::kInvalidInput, where_, format, std::forward<Args>(args)...);
+  }
+
+  bool all_have_normals() const {
+    for (unsigned i = 0; i < scene_.mNumMeshes; ++i) {
+      if (!scene_.mMeshes[i]->HasNormals()) return false;
+    }
+    return true;
+  }
+
+  bool any_has_color() const {
+    for (unsigned i = 0; i < scene_.mNumMeshes; ++i) {
+      if (scene_.mMeshes[i]->HasVertexColors(0)) return true;
+      const aiMaterial* material = material_of(*scene_.mMeshes[i]);
+      aiString name;
+      if (material != nullptr && material->Get(AI_MATKEY_NAME, name) == AI_SUCCESS &&
+          std::strcmp(name.C_Str(), AI_DEFAULT_MATERIAL_NAME) != 0 && name.length > 0) {
+        return true;
+      }
+    }
+    return false;
+  }
+
+  const aiMaterial* material_of(const aiMesh& mesh) const {
+    return mesh.mMaterialIndex < scene_.mNumMaterials ? scene_.mMaterials[mesh.mMaterialIndex]
+                                                      : nullptr;
+  }
+
+  Eigen::Vector3f color_of(const aiMesh& mesh, const aiFace& face) const {
+    aiColor3D color(0.6f, 0.6f, 0.6f);
+    if (const aiMaterial* material = material_of(mesh))
+      material->Get(AI_MATKEY_COLOR_DIFFUSE, color);
+    Eigen::Vector3f rgb(color.r, color.g, color.b);
+    if (!mesh.HasVertexColors(0)) return rgb;
+    rgb.setZero();
+    for (unsigned i = 0; i < face.mNumIndices; ++i) {
+      const aiColor4D& c = mesh.mColors[0][face.mIndices[i]];
+      rgb += Eigen::Vector3f(c.r, c.g, c.b) / static_cast<float>(face.mNumIndices);
+    }
+    return rgb;
+  }
+
+  Status append(const aiMesh& mesh, const Eigen::Matrix4f& root_from_node) {
+    const size_t total = out_.corner_counts.size() + mesh.mNumFaces;
+    if (total > options_.max_faces || out_.vertices.size() + mesh.mNumVertices > UINT32_MAX / 2) {
+      return fault("mesh has {} faces or more, the limit is {}; simplify it", total,
+                   options_.max_faces);
+    }
+    const auto first = static_cast<uint32_t>(out_.vertices.size());
+    const Eigen::Matrix3f linear = root_from_node.topLeftCorner<3, 3>();
+    const Eigen::Vector3f shift = root_from_node.topRightCorner<3, 1>();
+    const float determinant = linear.determinant();
+    // Up to scale, which normalising removes; a mirroring transform turns the normal back.
+    Eigen::Matrix3f for_normals;
+    for_normals << linear.col(1).cross(linear.col(2)), linear.col(2).cross(linear.col(0)),
+        linear.col(0).cross(linear.col(1));
+    if (determinant < 0) for_normals = -for_normals;
+    for (unsigned i = 0; i < mesh.mNumVertices; ++i) {
+      out_.vertices.push_back(linear * to_eigen(mesh.mVertices[i]) + shift);
+      if (use_normals_) out_.normals.push_back(for_normals * to_eigen(mesh.mNormals[i]));
+    }
+    for (unsigned f = 0; f < mesh.mNumFaces; ++f) {
+      SL_RETURN_IF_ERROR(append_face(mesh, f, first, determinant < 0));
+    }
+    return {};
+  }
+
+  Status append_face(const aiMesh& mesh, unsigned f, uint32_t first, bool mirrored) {
+    const aiFace& face = mesh.mFaces[f];
+    const unsigned n = face.mNumIndices;
+    if (n < 3) return {};  // points and lines
+    const size_t number = out_.corner_counts.size();
+    if (n > kMaxCorners) {
+      return fault("face {}: {} corners, allowed are 3 to {}", number, n, kMaxCorners);
+    }
+    for (unsigned i = 0; i < n; ++i) {
+      const unsigned index = face.mIndices[mirrored ? n - 1 - i : i];
+      if (index >= mesh.mNumVertices) {
+        return fault("face {}: vertex index {} of {}", number, index, mesh.mNumVertices);
+      }
+      out_.corner_vertices.push_back(first + index);
+      if (use_normals_) out_.corner_normals.push_back(first + index);
+    }
+    out_.corner_counts.push_back(n);
+    if (has_colors_) out_.face_colors.push_back(color_of(mesh, face));
+    return {};
+  }
+
+  const aiScene& scene_;
+  bool use_normals_;
+  bool has_colors_ = false;
+  const std::string& where_;
+  const MeshOptions& options_;
+  PolygonMesh out_;
+};
+
+}  // namespace
+
+Result<TriangleMesh> import_mesh(std::string_view content, const std::string& format,
+                                 const std::string& where, const std::filesystem::path& directory,
+                                 const MeshOptions& options) try {
+  Assimp::Importer importer;
+  keep_loaders_of(format, &importer);
+  const std::string name = "mesh." + format;
+  importer.SetIOHandler(new BoundedFiles(content, name, directory));  // importer deletes it
+  const aiScene* scene = importer.ReadFile(name, aiProcess_ValidateDataStructure);
+  if (scene == nullptr) {
+    return make_error(ErrorCode::kInvalidInput, where, "cannot read as {}: {}", format,
+                      importer.GetErrorString());
+  }
+  // STL stores what the writer thought of each facet, often zero: made anew from the geometry.
+  const bool use_normals = format != "stl";
+  SL_ASSIGN(const PolygonMesh polygons, SceneReader(*scene, use_normals, where, options).read());
+  return triangulate_polygons(polygons, where, options);
+} catch (const std::exception& e) {
+  return make_error(ErrorCode::kInvalidInput, where, "cannot read as {}: {}", format, e.what());
+}
+
+}  // namespace sightline
