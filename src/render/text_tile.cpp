@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "text_tile.hpp"
+
+#include <algorithm>
+#include <cstring>
+
+namespace sightline {
+namespace {
+
+constexpr int kBorder = 2 * GlyphAtlas::kHaloMargin;
+constexpr Yuv kHaloColor{16, 128, 128};
+
+int even_up(int value) { return (value + 1) & ~1; }
+
+int div255(int value) { return (value + 127) / 255; }
+
+}  // namespace
+
+TextTile::TextTile(std::shared_ptr<const GlyphAtlas> atlas, int most_characters, int most_lines)
+    : atlas_(std::move(atlas)),
+      most_width_(even_up(most_characters * atlas_->widest_advance() + 2 * kBorder)),
+      most_height_(even_up(most_lines * atlas_->line_height() + 2 * kBorder)) {
+  const size_t pixels = static_cast<size_t>(most_width_) * static_cast<size_t>(most_height_);
+  for (std::vector<uint8_t>* plane : {&strokes_, &halo_, &luma_}) plane->resize(pixels);
+  for (std::vector<uint8_t>* plane : {&u_, &v_, &chroma_alpha_}) plane->resize(pixels / 4);
+}
+
+void TextTile::set(std::string_view text, std::span<const Yuv> colors) {
+  for (int y = 0; y < height_; ++y) {
+    const ptrdiff_t row = static_cast<ptrdiff_t>(y) * most_width_;
+    std::memset(strokes_.data() + row, 0, static_cast<size_t>(width_));
+    std::memset(halo_.data() + row, 0, static_cast<size_t>(width_));
+  }
+  width_ = 0;
+  int top = kBorder;
+  int first_row = 0;
+  std::array<int, 8> ends{};
+  size_t lines = 0;
+  while (!text.empty() && lines < ends.size() &&
+         top + atlas_->line_height() + kBorder <= most_height_) {
+    const size_t end = std::min(text.find('\n'), text.size());
+    set_line(text.substr(0, end), top);
+    text.remove_prefix(std::min(end + 1, text.size()));
+    top += atlas_->line_height();
+    ends[lines++] = even_up(top + (text.empty() ? kBorder : 0));
+  }
+  width_ = std::min(even_up(width_), most_width_);
+  height_ = lines == 0 ? 0 : std::min(ends[lines - 1], most_height_);
+  for (size_t i = 0; i < lines; ++i) {
+    const int last_row = std::min(ends[i], height_);
+    color_rows(first_row, last_row, colors[std::min(i, colors.size() - 1)]);
+    first_row = last_row;
+  }
+}
+
+void TextTile::set_line(std::string_view line, int top) {
+  int pen = kBorder;
+  const int base = top + atlas_->ascent();
+  while (!line.empty()) {
+    const Glyph& glyph = atlas_->glyph(next_code_point(line));
+    if (pen + std::max(glyph.advance, glyph.left + glyph.width) + kBorder > most_width_) break;
+    const int x = pen + glyph.left;
+    const int y = base - glyph.top;
+    constexpr int kMargin = GlyphAtlas::kHaloMargin;
+    if (glyph.width > 0) {
+      lay(atlas_->strokes(glyph), glyph.width, glyph.height, strokes_.data(), x, y);
+      lay(atlas_->halo(glyph), glyph.width + 2 * kMargin, glyph.height + 2 * kMargin, halo_.data(),
+          x - kMargin, y - kMargin);
+    }
+    pen += glyph.advance;
+    width_ = std::max({width_, pen + kBorder, x + glyph.width + kBorder});
+  }
+}
+
+void TextTile::lay(const uint8_t* from, int width, int height, uint8_t* plane, int x, int y) {
+  for (int row = std::max(0, -y); row < std::min(height, most_height_ - y); ++row) {
+    uint8_t* to = plane + static_cast<ptrdiff_t>(y + row) * most_width_ + x;
+    const uint8_t* source = from + static_cast<ptrdiff_t>(row) * width;
+    for (int column = std::max(0, -x); column < std::min(width, most_width_ - x); ++column) {
+      to[column] = std::max(to[column], source[column]);
+    }
+  }
+}
+
+void TextTile::color_rows(int first, int last, Yuv color) {
+  for (int y = first; y < last; ++y) {
+    const ptrdiff_t row = static_cast<ptrdiff_t>(y) * most_width_;
+    const uint8_t* strokes = strokes_.data() + row;
+    uint8_t* alpha = halo_.data() + row;
+    uint8_t* luma = luma_.data() + row;
+    for (int x = 0; x < width_; ++x) {
+      alpha[x] = std::max(alpha[x], strokes[x]);
+      const int dark = alpha[x] - strokes[x];
+      luma[x] = static_cast<uint8_t>(div255(strokes[x] * color.y + dark * kHaloColor.y));
+    }
+  }
+  for (int y = first / 2; y < last / 2; ++y) {
+    const ptrdiff_t top = static_cast<ptrdiff_t>(2 * y) * most_width_;
+    const ptrdiff_t row = static_cast<ptrdiff_t>(y) * (most_width_ / 2);
+    for (int x = 0; x < width_ / 2; ++x) {
+      const ptrdiff_t at = top + 2 * x;
+      const auto quarter = [&](const std::vector<uint8_t>& plane) {
+        const uint8_t* p = plane.data() + at;
+        return (p[0] + p[1] + p[most_width_] + p[most_width_ + 1] + 2) / 4;
+      };
+      const int ink = quarter(strokes_);
+      const int alpha = std::max(quarter(halo_), ink);
+      const size_t to = static_cast<size_t>(row + x);
+      chroma_alpha_[to] = static_cast<uint8_t>(alpha);
+      u_[to] = static_cast<uint8_t>(div255(ink * color.u + (alpha - ink) * kHaloColor.u));
+      v_[to] = static_cast<uint8_t>(div255(ink * color.v + (alpha - ink) * kHaloColor.v));
+    }
+  }
+}
+
+OverlayTileView TextTile::at(int x, int y) const {
+  const auto full = [&](const std::vector<uint8_t>& plane) {
+    return PlaneView{plane.data(), width_, height_, most_width_};
+  };
+  const auto half = [&](const std::vector<uint8_t>& plane) {
+    return PlaneView{plane.data(), width_ / 2, height_ / 2, most_width_ / 2};
+  };
+  return {x & ~1, y & ~1, full(luma_), half(u_), half(v_), full(halo_), half(chroma_alpha_)};
+}
+
+}  // namespace sightline
