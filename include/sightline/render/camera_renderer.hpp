@@ -18,7 +18,7 @@
 namespace sightline {
 
 class RayTable;
-class RenderMesh;
+struct RenderMesh;
 class StaticDepth;
 
 /// One object as one camera shows it.

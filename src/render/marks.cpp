@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "marks.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace sightline::marks {
+namespace {
+
+constexpr Yuv kDark{16, 128, 128};
+constexpr float kHaloOpacity = 0.5f;
+constexpr float kXrayOpacity = 0.7f;
+
+draw::Pen pen_of(const Look& look, bool behind_scene) {
+  return {behind_scene ? look.xray_color : look.color, look.line_px,
+          behind_scene ? kXrayOpacity : 1.0f};
+}
+
+}  // namespace
+
+bool SceneTest::hides(float x, float y) const {
+  if (scene_ == nullptr || scene_->empty()) return false;
+  const int column = static_cast<int>(std::lround(std::clamp(x, -1.0f, 1e6f)));
+  const int row = static_cast<int>(std::lround(std::clamp(y, -1.0f, 1e6f)));
+  if (column < 0 || row < 0 || column >= scene_->width() || row >= scene_->height()) return false;
+  return scene_->row(row)[column] > threshold_;
+}
+
+draw::Pen halo_of(const draw::Pen& pen) {
+  return {kDark, pen.width + 2, kHaloOpacity * pen.opacity};
+}
+
+std::optional<Circle> sphere_circle(const CameraModel& model,
+                                    const Eigen::Vector3d& center_in_camera, double radius) {
+  const auto center = model.project(center_in_camera);
+  const double distance = center_in_camera.norm();
+  if (!center || distance <= radius) return std::nullopt;
+  // Rays touch the sphere on a circle of radius r * sqrt(1 - r^2/d^2), r^2/d before its centre.
+  const double ratio = radius / distance;
+  const Eigen::Vector3d middle = center_in_camera * (1 - ratio * ratio);
+  const double reach = radius * std::sqrt(1 - ratio * ratio);
+  const Eigen::Vector3d side = center_in_camera.unitOrthogonal();
+  const Eigen::Vector3d up = center_in_camera.cross(side).normalized();
+  constexpr int kSamples = 16;
+  double farthest = 0;
+  for (int i = 0; i < kSamples; ++i) {
+    const double angle = 2 * std::numbers::pi * i / kSamples;
+    const auto pixel =
+        model.project(middle + reach * (std::cos(angle) * side + std::sin(angle) * up));
+    if (pixel) farthest = std::max(farthest, (*pixel - *center).norm());
+  }
+  return Circle{center->cast<float>(), static_cast<float>(farthest)};
+}
+
+void box_edges(const RayTable& rays, const Rigid3& camera_from_object, const Eigen::Vector3d& low,
+               const Eigen::Vector3d& high, std::vector<EdgeSegment>& out) {
+  const Eigen::Vector3d eye = camera_from_object.inverse().translation;
+  const bool inside = (eye.array() > low.array()).all() && (eye.array() < high.array()).all();
+  for (int axis = 0; axis < 3; ++axis) {
+    const int second = (axis + 1) % 3;
+    const int third = (axis + 2) % 3;
+    for (int corner = 0; corner < 4; ++corner) {
+      const bool second_high = (corner & 1) != 0;
+      const bool third_high = (corner & 2) != 0;
+      Eigen::Vector3d start;
+      start[axis] = low[axis];
+      start[second] = second_high ? high[second] : low[second];
+      start[third] = third_high ? high[third] : low[third];
+      Eigen::Vector3d end = start;
+      end[axis] = high[axis];
+      const auto faces_us = [&](int of, bool is_high) {
+        return is_high ? eye[of] > high[of] : eye[of] < low[of];
+      };
+      const bool visible = inside || faces_us(second, second_high) || faces_us(third, third_high);
+      const size_t first = out.size();
+      project_line(rays, camera_from_object * start, camera_from_object * end,
+                   static_cast<uint32_t>(4 * axis + corner), nullptr, 0, out);
+      for (size_t i = first; i < out.size(); ++i) out[i].visible = visible;
+    }
+  }
+}
+
+void draw_pieces(const draw::Canvas& canvas, std::span<const EdgeSegment> pieces, const Look& look,
+                 const SceneTest& scene, bool hidden_dashed, bool halo, Points& points) {
+  const auto behind = [&](const EdgeSegment& piece) {
+    return scene.hides(0.5f * (piece.x0 + piece.x1), 0.5f * (piece.y0 + piece.y1));
+  };
+  for (size_t i = 0; i < pieces.size();) {
+    const EdgeSegment& first = pieces[i];
+    const bool first_behind = behind(first);
+    points.clear();
+    points.emplace_back(first.x0, first.y0);
+    points.emplace_back(first.x1, first.y1);
+    size_t next = i + 1;
+    for (; next < pieces.size(); ++next) {
+      const EdgeSegment& piece = pieces[next];
+      const bool joined = piece.line == first.line && piece.visible == first.visible &&
+                          piece.x0 == points.back().x() && piece.y0 == points.back().y();
+      if (!joined || behind(piece) != first_behind) break;
+      points.emplace_back(piece.x1, piece.y1);
+    }
+    i = next;
+    if (!first.visible && !hidden_dashed) continue;
+    draw::Pen pen = pen_of(look, first_behind);
+    if (!first.visible) pen.opacity *= 0.75f;
+    const bool dashed = look.dashed || !first.visible || first_behind;
+    const draw::Dash dash = dashed ? Look::kDash : draw::Dash{};
+    draw::polyline(canvas, points, halo ? halo_of(pen) : pen, dash);
+  }
+}
+
+void draw_circle(const draw::Canvas& canvas, const Circle& circle, const Look& look) {
+  const draw::Pen pen = pen_of(look, false);
+  for (const draw::Pen& each : {halo_of(pen), pen}) {
+    if (look.dashed) {
+      draw::dashed_circle(canvas, circle.center, circle.radius, each, Look::kDash);
+    } else {
+      draw::circle(canvas, circle.center, circle.radius, each);
+    }
+  }
+}
+
+void draw_box2d(const draw::Canvas& canvas, const draw::Point& low, const draw::Point& high,
+                const Look& look) {
+  const std::array<draw::Point, 5> corners = {low, draw::Point(high.x(), low.y()), high,
+                                              draw::Point(low.x(), high.y()), low};
+  const draw::Pen pen = pen_of(look, false);
+  draw::polyline(canvas, corners, halo_of(pen), look.dash());
+  draw::polyline(canvas, corners, pen, look.dash());
+}
+
+Arrow offscreen_arrow(const CameraModel& model, const Eigen::Vector3d& center_in_camera,
+                      float inset_px) {
+  const CameraModel::Parameters& lens = model.parameters();
+  Eigen::Vector2d direction(lens.fx * center_in_camera.x(), lens.fy * center_in_camera.y());
+  if (!(direction.norm() > 1e-9)) direction = Eigen::Vector2d(0, 1);
+  const Arrow arrow{{}, direction.normalized().cast<float>()};
+  const draw::Point middle(0.5f * static_cast<float>(model.width() - 1),
+                           0.5f * static_cast<float>(model.height() - 1));
+  const draw::Point reach = (middle.array() - inset_px).cwiseMax(1.0f);
+  const float along_x = reach.x() / std::max(std::abs(arrow.direction.x()), 1e-6f);
+  const float along_y = reach.y() / std::max(std::abs(arrow.direction.y()), 1e-6f);
+  return {middle + std::min(along_x, along_y) * arrow.direction, arrow.direction};
+}
+
+void draw_arrow(const draw::Canvas& canvas, const Arrow& arrow, float size_px, Yuv color) {
+  const auto head = [&](float grow) {
+    const draw::Point side(-arrow.direction.y(), arrow.direction.x());
+    const draw::Point tip = arrow.tip + 1.6f * grow * arrow.direction;
+    const draw::Point back = arrow.tip - (size_px + grow) * arrow.direction;
+    const float half = 0.55f * size_px + 1.4f * grow;
+    return std::array<draw::Point, 3>{tip, draw::Point(back + half * side),
+                                      draw::Point(back - half * side)};
+  };
+  draw::polygon(canvas, head(2), kDark, 0.6f);
+  draw::polygon(canvas, head(0), color, 1);
+}
+
+}  // namespace sightline::marks

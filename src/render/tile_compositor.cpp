@@ -1,0 +1,224 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tile_compositor.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "sightline/base/cpu.hpp"
+
+namespace sightline {
+namespace {
+
+const tile::Kernels& choose_kernels() {
+#ifdef SIGHTLINE_X86_64
+  if (cpu_has_avx2()) return tile::kAvx2Kernels;
+#endif
+  return tile::kScalarKernels;
+}
+
+uint8_t to_byte(float share) {
+  return static_cast<uint8_t>(std::lround(255.0f * std::clamp(share, 0.0f, 1.0f)));
+}
+
+/// Blurred value at a signed distance outside a straight edge: the seven-tap binomial is close to a
+/// Gaussian of variance 6/4.
+float blurred_at(float distance_px) {
+  return 0.5f * tile::kInside * std::erfc(distance_px / std::numbers::sqrt3_v<float>);
+}
+
+/// Alpha 0 at `far_px` from the edge, 255 at `near_px`.
+tile::Ramp ramp_between(float near_px, float far_px) {
+  const float low = blurred_at(far_px);
+  const float high = blurred_at(near_px);
+  // Up to 270 the kernel's 16-bit product (at most 240 * gain) does not overflow.
+  const float gain = std::clamp(255.0f * 16.0f / std::max(high - low, 1e-3f), 1.0f, 270.0f);
+  return {static_cast<uint16_t>(low), static_cast<uint16_t>(gain)};
+}
+
+constexpr int kHatchPeriod = 8;
+constexpr int kHatchLine = 3;
+constexpr float kDashPeriod = 12;
+
+}  // namespace
+
+TileCompositor::TileCompositor(int frame_width, int frame_height)
+    : frame_width_(frame_width), frame_height_(frame_height), kernels_(&choose_kernels()) {}
+
+void TileCompositor::reserve(const TileRect& rect) {
+  rect_ = rect;
+  stride_ = (static_cast<size_t>(rect.width) + 31) & ~size_t{31};
+  const auto grow = [](auto& plane, size_t size) {
+    if (plane.size() < size) plane.resize(size);
+  };
+  const size_t pixels = stride_ * static_cast<size_t>(rect.height);
+  for (auto* plane : {&mask_, &hidden_, &luma_, &alpha_}) grow(*plane, pixels);
+  for (auto* plane : {&u_, &v_, &chroma_alpha_}) grow(*plane, pixels / 4 + stride_);
+  for (auto* row : {&columns_, &blurred_, &blurred_hidden_, &dash_}) grow(*row, stride_);
+  for (auto* rows : {&visible_ink_, &xray_ink_}) {
+    for (auto& row : *rows) grow(row, stride_);
+  }
+  grow(column_sums_, stride_ + 6);
+  grow(hatch_, stride_ + kHatchPeriod);
+}
+
+TileCoverage TileCompositor::classify(const RasterTile& tile, const StaticDepth* scene,
+                                      float factor) {
+  reserve(tile.rect());
+  coverage_ = {};
+  inner_ = {};
+  std::fill(columns_.begin(), columns_.end(), uint8_t{0});
+  // Of a frame of odd size the tile's last column and row lie outside.
+  const int width = std::min(rect_.width, frame_width_ - rect_.x);
+  const int height = std::min(rect_.height, frame_height_ - rect_.y);
+  const float* scene_row = nullptr;
+  int first = -1;
+  int last = -1;
+  for (int y = 0; y < height; ++y) {
+    if (scene != nullptr && !scene->empty()) scene_row = scene->row(rect_.y + y) + rect_.x;
+    const int found =
+        kernels_->classify(tile.inverse_depth(y), scene_row, factor, mask_.data() + at(0, y),
+                           hidden_.data() + at(0, y), columns_.data(), width);
+    if ((found & tile::kAnyCovered) != 0) {
+      if (first < 0) first = y;
+      last = y;
+    }
+    if ((found & tile::kAnyHidden) != 0) coverage_.hidden = true;
+  }
+  if (first < 0) return coverage_;
+  repeat_frame_edge();
+  const auto covered = [](uint8_t column) { return column != 0; };
+  const auto end = columns_.begin() + width;
+  const auto left = std::find_if(columns_.begin(), end, covered);
+  const auto right = std::find_if(std::make_reverse_iterator(end), columns_.rend(), covered).base();
+  inner_ = {static_cast<int>(left - columns_.begin()), first, static_cast<int>(right - left),
+            last + 1 - first};
+  coverage_.bounds = {rect_.x + inner_.x, rect_.y + inner_.y, inner_.width, inner_.height};
+  return coverage_;
+}
+
+/// So that no outline is drawn along the border of a frame of odd size.
+void TileCompositor::repeat_frame_edge() {
+  const int width = frame_width_ - rect_.x;
+  const int height = frame_height_ - rect_.y;
+  for (auto* plane : {&mask_, &hidden_}) {
+    if (width < rect_.width) {
+      for (int y = 0; y < std::min(height, rect_.height); ++y) {
+        (*plane)[at(width, y)] = (*plane)[at(width - 1, y)];
+      }
+    }
+    if (height < rect_.height) {
+      std::copy_n(plane->begin() + static_cast<ptrdiff_t>(at(0, height - 1)), rect_.width,
+                  plane->begin() + static_cast<ptrdiff_t>(at(0, height)));
+    }
+  }
+}
+
+/// The covered part grown by the margin, even, inside the tile; in tile coordinates.
+TileRect TileCompositor::painted_part() const {
+  const auto grow = [](int first, int size, int limit, int& from, int& count) {
+    from = std::max(first - kMargin, 0) & ~1;
+    count = std::min((first + size + kMargin + 1) & ~1, limit) - from;
+  };
+  TileRect part;
+  grow(inner_.x, inner_.width, rect_.width, part.x, part.width);
+  grow(inner_.y, inner_.height, rect_.height, part.y, part.height);
+  return part;
+}
+
+void TileCompositor::blur(const std::vector<uint8_t>& plane, int y, const TileRect& part,
+                          std::vector<uint8_t>& out) {
+  std::array<const uint8_t*, 7> rows;
+  for (int k = 0; k < 7; ++k) {
+    rows[static_cast<size_t>(k)] =
+        plane.data() + at(part.x, std::clamp(y + k - 3, 0, rect_.height - 1));
+  }
+  uint16_t* sums = column_sums_.data();
+  kernels_->blur_down(rows, sums + 3, part.width);
+  // Beyond the tile's margin there is nothing; beyond the frame's edge the object goes on.
+  std::fill_n(sums, 3, sums[3]);
+  std::fill_n(sums + 3 + part.width, 3, sums[2 + part.width]);
+  kernels_->blur_along(sums, out.data(), part.width);
+}
+
+tile::Look TileCompositor::look_of(const TilePaint& paint) const {
+  tile::Look look;
+  look.luma = paint.color.y;
+  look.xray_luma = paint.xray_color.y;
+  look.fill_alpha = to_byte(paint.fill_opacity);
+  look.dash_visible = paint.dashed;
+  if (paint.outline_px > 0) {
+    const float half = 0.5f * paint.outline_px;
+    look.outline = ramp_between(half - 0.5f, half + 0.5f);
+    look.halo = ramp_between(half + 1, half + 2);
+  }
+  return look;
+}
+
+/// Diagonal lines, fixed to the frame so that they do not swim with the object.
+void TileCompositor::fill_hatch(float fill_opacity) {
+  const float line = fill_opacity > 0 ? std::clamp(0.8f * fill_opacity, 0.3f, 0.6f) : 0.0f;
+  for (size_t i = 0; i < hatch_.size(); ++i) {
+    hatch_[i] = to_byte(i % kHatchPeriod < kHatchLine ? line : 0.25f * line);
+  }
+}
+
+OverlayTileView TileCompositor::compose(const RasterTile& tile, const TilePaint& paint) {
+  if (inner_.empty()) return {};
+  const TileRect part = painted_part();
+  const tile::Look look = look_of(paint);
+  fill_hatch(paint.fill_opacity);
+  const bool dashes = paint.dashed || coverage_.hidden;
+  std::fill(dash_.begin(), dash_.end(), uint8_t{255});
+  std::fill(blurred_hidden_.begin(), blurred_hidden_.end(), uint8_t{0});
+  const float middle_x = static_cast<float>(inner_.x) + 0.5f * static_cast<float>(inner_.width);
+  const float middle_y = static_cast<float>(inner_.y) + 0.5f * static_cast<float>(inner_.height);
+  const float dash_count =
+      std::clamp(std::round(1.7f * static_cast<float>(inner_.width + inner_.height) / kDashPeriod),
+                 8.0f, 400.0f);
+  const size_t half_stride = stride_ / 2;
+  for (int y = part.y; y < part.y + part.height; ++y) {
+    blur(mask_, y, part, blurred_);
+    if (coverage_.hidden) blur(hidden_, y, part, blurred_hidden_);
+    if (dashes) {
+      kernels_->dash(static_cast<float>(part.x) - middle_x, static_cast<float>(y) - middle_y,
+                     dash_count, dash_.data(), part.width);
+    }
+    const size_t here = at(part.x, y);
+    const size_t odd = static_cast<size_t>(y & 1);
+    const int phase = (rect_.x + part.x + rect_.y + y) % kHatchPeriod;
+    const tile::RowIn in{mask_.data() + here,    hidden_.data() + here,  blurred_.data(),
+                         blurred_hidden_.data(), tile.shade(y) + part.x, dash_.data(),
+                         hatch_.data() + phase};
+    const tile::RowOut out{luma_.data() + here, alpha_.data() + here, visible_ink_[odd].data(),
+                           xray_ink_[odd].data()};
+    kernels_->compose(look, in, out, part.width);
+    if (odd == 0) continue;
+    const size_t half = static_cast<size_t>(y / 2) * half_stride + static_cast<size_t>(part.x / 2);
+    const tile::ChromaIn chroma{{alpha_.data() + here - stride_, alpha_.data() + here},
+                                {visible_ink_[0].data(), visible_ink_[1].data()},
+                                {xray_ink_[0].data(), xray_ink_[1].data()},
+                                paint.color.u,
+                                paint.color.v,
+                                paint.xray_color.u,
+                                paint.xray_color.v};
+    kernels_->chroma(chroma, u_.data() + half, v_.data() + half, chroma_alpha_.data() + half,
+                     part.width / 2);
+  }
+  const auto full = [&](const std::vector<uint8_t>& plane) {
+    return PlaneView{plane.data() + at(part.x, part.y), part.width, part.height,
+                     static_cast<ptrdiff_t>(stride_)};
+  };
+  const auto quarter = [&](const std::vector<uint8_t>& plane) {
+    return PlaneView{plane.data() + static_cast<size_t>(part.y / 2) * half_stride + part.x / 2,
+                     part.width / 2, part.height / 2, static_cast<ptrdiff_t>(half_stride)};
+  };
+  return {rect_.x + part.x, rect_.y + part.y, full(luma_),           quarter(u_),
+          quarter(v_),      full(alpha_),     quarter(chroma_alpha_)};
+}
+
+bool TileCompositor::hidden_at(int x, int y) const {
+  return rect_.contains(x, y) && hidden_[at(x - rect_.x, y - rect_.y)] != 0;
+}
+
+}  // namespace sightline

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "sightline/image/blend.hpp"
+#include "sightline/render/overlay_style.hpp"
+#include "sightline/render/static_depth.hpp"
+#include "sightline/render/tile.hpp"
+#include "tile_kernels.hpp"
+
+namespace sightline {
+
+/// How a tile is painted.
+struct TilePaint {
+  Yuv color;               ///< the visible part
+  Yuv xray_color;          ///< the part behind the static scene
+  float fill_opacity = 0;  ///< 0: no fill
+  float outline_px = 0;    ///< 0: no outline
+  bool dashed = false;     ///< outline in dashes everywhere, not only behind the scene
+};
+
+/// What the tile shows, in frame pixels.
+struct TileCoverage {
+  TileRect bounds;      ///< of the covered pixels, exact (not made even); empty if none
+  bool hidden = false;  ///< the scene hides some of it
+};
+
+/// Turns a raster tile into a premultiplied YUV tile: shaded fill, soft outline with a dark halo
+/// and, where the static scene is nearer, hatched fill and dashed outline in another hue. Keeps its
+/// memory between frames. Used by one thread.
+class TileCompositor {
+ public:
+  /// Pixels around the mesh that the outline and its halo need.
+  static constexpr int kMargin = 4;
+
+  TileCompositor(int frame_width, int frame_height);
+
+  /// Splits the tile into visible and hidden pixels: hidden where the scene's 1/z is more than
+  /// `factor` times the object's. `scene` may be null.
+  TileCoverage classify(const RasterTile& tile, const StaticDepth* scene, float factor);
+
+  /// Paints the tile classified last. The view is valid until the next call.
+  OverlayTileView compose(const RasterTile& tile, const TilePaint& paint);
+
+  /// True if the scene hides the object at this frame pixel (of the tile classified last).
+  bool hidden_at(int x, int y) const;
+
+ private:
+  size_t at(int x, int y) const {
+    return static_cast<size_t>(y) * stride_ + static_cast<size_t>(x);
+  }
+  void reserve(const TileRect& rect);
+  void repeat_frame_edge();
+  TileRect painted_part() const;
+  void blur(const std::vector<uint8_t>& plane, int y, const TileRect& part,
+            std::vector<uint8_t>& out);
+  tile::Look look_of(const TilePaint& paint) const;
+  void fill_hatch(float fill_opacity);
+
+  int frame_width_, frame_height_;
+  const tile::Kernels* kernels_;
+  TileRect rect_;
+  size_t stride_ = 0;
+  TileCoverage coverage_;
+  TileRect inner_;  ///< coverage_.bounds in tile coordinates
+
+  std::vector<uint8_t> mask_, hidden_, columns_;
+  std::vector<uint16_t> column_sums_;
+  std::vector<uint8_t> blurred_, blurred_hidden_, dash_, hatch_;
+  std::array<std::vector<uint8_t>, 2> visible_ink_, xray_ink_;
+  std::vector<uint8_t> luma_, alpha_, u_, v_, chroma_alpha_;
+};
+
+}  // namespace sightline

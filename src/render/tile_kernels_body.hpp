@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: Apache-2.0
+// The kernels' one source, compiled twice: for any processor and for AVX2. Includes nothing but
+// their header, so that no inline function of a library is compiled for AVX2 and then shared.
+#include "tile_kernels.hpp"
+
+namespace sightline::tile {
+namespace {
+
+using U8 = uint8_t;
+using U16 = uint16_t;
+
+/// x / 255, rounded, for x up to 65025.
+inline U16 div255(U16 x) {
+  const U16 t = static_cast<U16>(x + 128);
+  return static_cast<U16>(static_cast<U16>(t + (t >> 8)) >> 8);
+}
+
+inline U16 mul255(U16 a, U16 b) { return div255(static_cast<U16>(a * b)); }
+
+/// `yes` where the mask is 255, `no` where it is 0; both up to 255.
+inline U16 choose(U16 mask, U16 yes, U16 no) {
+  return static_cast<U16>((yes & mask) | (no & static_cast<U16>(255 - mask)));
+}
+
+inline U16 ramp(U16 value, U16 low, U16 gain) {
+  const U16 above = value > low ? static_cast<U16>(value - low) : U16{0};
+  const U16 alpha = static_cast<U16>(static_cast<U16>(above * gain) >> 4);
+  return alpha < 255 ? alpha : U16{255};
+}
+
+int classify(const float* __restrict object, const float* __restrict scene, float factor,
+             U8* __restrict mask, U8* __restrict hidden, U8* __restrict columns, int n) {
+  int covered = 0;
+  int behind = 0;
+  if (scene == nullptr) {
+    for (int x = 0; x < n; ++x) {
+      const int in = object[x] > 0 ? 255 : 0;
+      mask[x] = static_cast<U8>(in);
+      hidden[x] = 0;
+      columns[x] = static_cast<U8>(columns[x] | in);
+      covered |= in;
+    }
+  } else {
+    for (int x = 0; x < n; ++x) {
+      const int in = object[x] > 0 ? 255 : 0;
+      const int out_of_sight = scene[x] > object[x] * factor ? in : 0;
+      mask[x] = static_cast<U8>(in);
+      hidden[x] = static_cast<U8>(out_of_sight);
+      columns[x] = static_cast<U8>(columns[x] | in);
+      covered |= in;
+      behind |= out_of_sight;
+    }
+  }
+  return (covered != 0 ? kAnyCovered : 0) | (behind != 0 ? kAnyHidden : 0);
+}
+
+void blur_down(const std::array<const U8*, 7>& rows, U16* __restrict out, int n) {
+  const U8* a = rows[0];
+  const U8* b = rows[1];
+  const U8* c = rows[2];
+  const U8* d = rows[3];
+  const U8* e = rows[4];
+  const U8* f = rows[5];
+  const U8* g = rows[6];
+  for (int x = 0; x < n; ++x) {
+    const U16 ends = static_cast<U16>((a[x] & 15) + (g[x] & 15));
+    const U16 next = static_cast<U16>((b[x] & 15) + (f[x] & 15));
+    const U16 near = static_cast<U16>((c[x] & 15) + (e[x] & 15));
+    out[x] = static_cast<U16>(ends + 6 * next + 15 * near + 20 * (d[x] & 15));
+  }
+}
+
+void blur_along(const U16* __restrict in, U8* __restrict out, int n) {
+  for (int x = 0; x < n; ++x) {
+    const U16 ends = static_cast<U16>(in[x] + in[x + 6]);
+    const U16 next = static_cast<U16>(in[x + 1] + in[x + 5]);
+    const U16 near = static_cast<U16>(in[x + 2] + in[x + 4]);
+    const U16 sum = static_cast<U16>(ends + 6 * next + 15 * near + 20 * in[x + 3]);
+    out[x] = static_cast<U8>(sum >> 8);
+  }
+}
+
+void dash(float first_dx, float dy, float dashes, U8* __restrict out, int n) {
+  const float height = dy < 0 ? -dy : dy;
+  const float half_turns = dashes * 0.5f;
+  for (int x = 0; x < n; ++x) {
+    const float dx = first_dx + static_cast<float>(x);
+    const float share = dx / ((dx < 0 ? -dx : dx) + height + 1e-3f);
+    const float angle = dy < 0 ? 3.0f + share : 1.0f - share;
+    out[x] = (static_cast<int>(angle * half_turns) & 1) != 0 ? U8{0} : U8{255};
+  }
+}
+
+/// Pointers are parameters: only there does g++ take `restrict` at its word.
+inline void compose_row(const Look look, const U8* __restrict mask, const U8* __restrict hidden,
+                        const U8* __restrict blurred, const U8* __restrict blurred_hidden,
+                        const U8* __restrict shade, const U8* __restrict dashes,
+                        const U8* __restrict hatch, U8* __restrict luma, U8* __restrict alpha,
+                        U8* __restrict visible_ink, U8* __restrict xray_ink, int n) {
+  const Ramp outline = look.outline;
+  const Ramp halo = look.halo;
+  const U16 solid = look.dash_visible ? 0 : 255;
+  const U16 span = static_cast<U16>(look.luma - 16);
+  const U16 xray_span = static_cast<U16>(look.xray_luma - 16);
+  const U16 fill_alpha = look.fill_alpha;
+  const U16 line_alpha = look.outline_alpha;
+  const U16 xray_line_alpha = look.xray_outline_alpha;
+  const U16 halo_alpha = look.halo_alpha;
+  for (int x = 0; x < n; ++x) {
+    const U16 s = blurred[x];
+    const U16 inside = mask[x];
+    const U16 behind = hidden[x];
+    const U16 other = static_cast<U16>(kInside - s);
+    const U16 edge = s < other ? s : other;
+    const U16 line_behind = static_cast<U16>(2 * blurred_hidden[x]) > s ? U16{255} : U16{0};
+    const U16 on = static_cast<U16>(dashes[x] | choose(line_behind, 0, solid));
+    const U16 opacity = choose(line_behind, xray_line_alpha, line_alpha);
+    const U16 line = static_cast<U16>(mul255(ramp(edge, outline.low, outline.gain), opacity) & on);
+    const U16 fill = static_cast<U16>(choose(behind, hatch[x], fill_alpha) & inside);
+    const U16 shadow = mul255(ramp(s, halo.low, halo.gain), halo_alpha);
+    const U16 dark = static_cast<U16>(shadow & on & static_cast<U16>(255 - inside));
+    const U16 rest = static_cast<U16>(255 - line);
+    const U16 fill_weight = mul255(rest, fill);
+    const U16 dark_weight = mul255(rest, dark);
+    const U16 light = static_cast<U16>(80 + (static_cast<U16>(175 * shade[x]) >> 8));
+    const U16 fill_luma = static_cast<U16>(16 + mul255(choose(behind, xray_span, span), light));
+    const U16 line_luma = static_cast<U16>(16 + choose(line_behind, xray_span, span));
+    luma[x] = static_cast<U8>(
+        div255(static_cast<U16>(line * line_luma + fill_weight * fill_luma + dark_weight * 16)));
+    alpha[x] = static_cast<U8>(line + fill_weight + dark_weight);
+    visible_ink[x] = static_cast<U8>(choose(line_behind, 0, line) + choose(behind, 0, fill_weight));
+    xray_ink[x] = static_cast<U8>(choose(line_behind, line, 0) + choose(behind, fill_weight, 0));
+  }
+}
+
+void compose(const Look& look, const RowIn& in, const RowOut& to, int n) {
+  compose_row(look, in.mask, in.hidden, in.blurred, in.blurred_hidden, in.shade, in.dash, in.hatch,
+              to.luma, to.alpha, to.visible_ink, to.xray_ink, n);
+}
+
+inline U16 quarter(const U8* top, const U8* bottom, int x) {
+  return static_cast<U16>((top[2 * x] + top[2 * x + 1] + bottom[2 * x] + bottom[2 * x + 1] + 2) >>
+                          2);
+}
+
+void chroma(const ChromaIn& in, U8* __restrict u, U8* __restrict v, U8* __restrict alpha, int n) {
+  const U8* __restrict alpha0 = in.alpha[0];
+  const U8* __restrict alpha1 = in.alpha[1];
+  const U8* __restrict visible0 = in.visible_ink[0];
+  const U8* __restrict visible1 = in.visible_ink[1];
+  const U8* __restrict xray0 = in.xray_ink[0];
+  const U8* __restrict xray1 = in.xray_ink[1];
+  const U16 color_u = in.u;
+  const U16 color_v = in.v;
+  const U16 xray_u = in.xray_u;
+  const U16 xray_v = in.xray_v;
+  for (int x = 0; x < n; ++x) {
+    const U16 seen = quarter(visible0, visible1, x);
+    const U16 behind = quarter(xray0, xray1, x);
+    const U16 ink =
+        static_cast<U16>(seen + behind) < 255 ? static_cast<U16>(seen + behind) : U16{255};
+    const U16 xray = static_cast<U16>(ink - seen);
+    const U16 total = quarter(alpha0, alpha1, x);
+    const U16 most = total > ink ? total : ink;
+    const U16 grey = static_cast<U16>((most - ink) * 128);
+    alpha[x] = static_cast<U8>(most);
+    u[x] = static_cast<U8>(div255(static_cast<U16>(seen * color_u + xray * xray_u + grey)));
+    v[x] = static_cast<U8>(div255(static_cast<U16>(seen * color_v + xray * xray_v + grey)));
+  }
+}
+
+}  // namespace
+
+#ifndef SIGHTLINE_TILE_KERNELS
+#error "name the kernel table that this file makes"
+#endif
+const Kernels SIGHTLINE_TILE_KERNELS = {classify, blur_down, blur_along, dash, compose, chroma};
+
+}  // namespace sightline::tile
