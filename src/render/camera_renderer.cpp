@@ -106,7 +106,8 @@ class CameraRenderer::Impl {
         remembered_(objects.size()),
         fonts_(objects.size(), nullptr) {
     order_.reserve(objects.size());
-    pieces_.reserve(1024);
+    pieces_.segments.reserve(1024);
+    pieces_.flags.reserve(1024);
     points_.reserve(256);
   }
 
@@ -269,27 +270,39 @@ class CameraRenderer::Impl {
     return coverage;
   }
 
-  marks::SceneTest scene_test(const Subject& subject) const {
-    return {scene_.get(), 1.0 / std::max(subject.center.z(), 1e-3), subject.hide_factor};
-  }
-
   void draw_lines(const Subject& subject) {
     const OverlayStyle& style = subject.object.style;
     const RenderMesh& mesh = *subject.object.mesh;
-    const marks::SceneTest scene = scene_test(subject);
-    if (style.wireframe && !tile_.rect().empty()) {
-      pieces_.clear();
-      visible_edges(rasterizer_.rays(), mesh, subject.camera_from_object, tile_, pieces_);
-      marks::draw_pieces(surface_->canvas, pieces_, subject.look, scene, false, false, points_);
-    }
+    if (style.wireframe && !tile_.rect().empty()) draw_wireframe(subject);
     if (style.box3d) {
       pieces_.clear();
-      marks::box_edges(rasterizer_.rays(), subject.camera_from_object,
-                       mesh.min_corner.cast<double>(), mesh.max_corner.cast<double>(), pieces_);
-      marks::draw_pieces(surface_->canvas, pieces_, subject.look, scene, true, true, points_);
-      marks::draw_pieces(surface_->canvas, pieces_, subject.look, scene, true, false, points_);
+      marks::add_box(rasterizer_.rays(), scene_.get(), subject.hide_factor,
+                     subject.camera_from_object, mesh.min_corner.cast<double>(),
+                     mesh.max_corner.cast<double>(), pieces_);
+      draw_with_halo(subject.look);
     }
     if (style.axes) draw_axes(subject);
+  }
+
+  void draw_with_halo(const marks::Look& look) {
+    for (const bool halo : {true, false}) {
+      marks::draw_pieces(surface_->canvas, pieces_, look, halo, points_);
+    }
+  }
+
+  /// Feature edges that the object itself does not hide.
+  void draw_wireframe(const Subject& subject) {
+    pieces_.clear();
+    visible_edges(rasterizer_.rays(), *subject.object.mesh, subject.camera_from_object, tile_,
+                  pieces_.segments);
+    for (const EdgeSegment& piece : pieces_.segments) {
+      uint8_t flags = piece.visible ? uint8_t{0} : uint8_t{marks::kOmitted};
+      const auto x = static_cast<int>(std::lround(0.5f * (piece.x0 + piece.x1)));
+      const auto y = static_cast<int>(std::lround(0.5f * (piece.y0 + piece.y1)));
+      if (compositor_.hidden_near(x, y)) flags |= marks::kBehindScene;
+      pieces_.flags.push_back(flags);
+    }
+    marks::draw_pieces(surface_->canvas, pieces_, subject.look, false, points_);
   }
 
   /// Far tips first, so that the nearer axis lies on top.
@@ -305,12 +318,11 @@ class CameraRenderer::Impl {
     std::ranges::sort(order, [&](int a, int b) { return tip(a).z() > tip(b).z(); });
     for (const int axis : order) {
       pieces_.clear();
-      project_line(rasterizer_.rays(), origin, tip(axis), 0, nullptr, 0, pieces_);
+      marks::add_line(rasterizer_.rays(), scene_.get(), subject.hide_factor, origin, tip(axis), 0,
+                      0, pieces_);
       marks::Look look = subject.look;
       look.color = look.xray_color = hues[static_cast<size_t>(axis)];
-      const marks::SceneTest scene = scene_test(subject);
-      marks::draw_pieces(surface_->canvas, pieces_, look, scene, false, true, points_);
-      marks::draw_pieces(surface_->canvas, pieces_, look, scene, false, false, points_);
+      draw_with_halo(look);
     }
   }
 
@@ -457,7 +469,7 @@ class CameraRenderer::Impl {
   MeshRasterizer rasterizer_;
   RasterTile tile_;
   TileCompositor compositor_;
-  std::vector<EdgeSegment> pieces_;
+  marks::Pieces pieces_;
   marks::Points points_;
   std::vector<size_t> order_;
   std::vector<std::optional<PoseEstimate>> remembered_;  ///< per object, the last one drawn

@@ -20,14 +20,6 @@ draw::Pen pen_of(const Look& look, bool behind_scene) {
 
 }  // namespace
 
-bool SceneTest::hides(float x, float y) const {
-  if (scene_ == nullptr || scene_->empty()) return false;
-  const int column = static_cast<int>(std::lround(std::clamp(x, -1.0f, 1e6f)));
-  const int row = static_cast<int>(std::lround(std::clamp(y, -1.0f, 1e6f)));
-  if (column < 0 || row < 0 || column >= scene_->width() || row >= scene_->height()) return false;
-  return scene_->row(row)[column] > threshold_;
-}
-
 draw::Pen halo_of(const draw::Pen& pen) {
   return {kDark, pen.width + 2, kHaloOpacity * pen.opacity};
 }
@@ -54,10 +46,25 @@ std::optional<Circle> sphere_circle(const CameraModel& model,
   return Circle{center->cast<float>(), static_cast<float>(farthest)};
 }
 
-void box_edges(const RayTable& rays, const Rigid3& camera_from_object, const Eigen::Vector3d& low,
-               const Eigen::Vector3d& high, std::vector<EdgeSegment>& out) {
+void add_line(const RayTable& rays, const StaticDepth* scene, float factor,
+              const Eigen::Vector3d& start_in_camera, const Eigen::Vector3d& end_in_camera,
+              uint32_t line, uint8_t flags, Pieces& out) {
+  const RasterTile* depth = scene != nullptr && !scene->empty() ? &scene->tile() : nullptr;
+  project_line(rays, start_in_camera, end_in_camera, line, depth, factor - 1, out.segments);
+  for (size_t i = out.flags.size(); i < out.segments.size(); ++i) {
+    const uint8_t hidden = out.segments[i].visible ? uint8_t{0} : uint8_t{kBehindScene};
+    out.flags.push_back(static_cast<uint8_t>(flags | hidden));
+  }
+}
+
+void add_box(const RayTable& rays, const StaticDepth* scene, float factor,
+             const Rigid3& camera_from_object, const Eigen::Vector3d& low,
+             const Eigen::Vector3d& high, Pieces& out) {
   const Eigen::Vector3d eye = camera_from_object.inverse().translation;
   const bool inside = (eye.array() > low.array()).all() && (eye.array() < high.array()).all();
+  const auto faces_us = [&](int axis, bool is_high) {
+    return is_high ? eye[axis] > high[axis] : eye[axis] < low[axis];
+  };
   for (int axis = 0; axis < 3; ++axis) {
     const int second = (axis + 1) % 3;
     const int third = (axis + 2) % 3;
@@ -70,43 +77,31 @@ void box_edges(const RayTable& rays, const Rigid3& camera_from_object, const Eig
       start[third] = third_high ? high[third] : low[third];
       Eigen::Vector3d end = start;
       end[axis] = high[axis];
-      const auto faces_us = [&](int of, bool is_high) {
-        return is_high ? eye[of] > high[of] : eye[of] < low[of];
-      };
-      const bool visible = inside || faces_us(second, second_high) || faces_us(third, third_high);
-      const size_t first = out.size();
-      project_line(rays, camera_from_object * start, camera_from_object * end,
-                   static_cast<uint32_t>(4 * axis + corner), nullptr, 0, out);
-      for (size_t i = first; i < out.size(); ++i) out[i].visible = visible;
+      const bool near = inside || faces_us(second, second_high) || faces_us(third, third_high);
+      add_line(rays, scene, factor, camera_from_object * start, camera_from_object * end,
+               static_cast<uint32_t>(4 * axis + corner), near ? uint8_t{0} : uint8_t{kTurnedAway},
+               out);
     }
   }
 }
 
-void draw_pieces(const draw::Canvas& canvas, std::span<const EdgeSegment> pieces, const Look& look,
-                 const SceneTest& scene, bool hidden_dashed, bool halo, Points& points) {
-  const auto behind = [&](const EdgeSegment& piece) {
-    return scene.hides(0.5f * (piece.x0 + piece.x1), 0.5f * (piece.y0 + piece.y1));
-  };
-  for (size_t i = 0; i < pieces.size();) {
-    const EdgeSegment& first = pieces[i];
-    const bool first_behind = behind(first);
+void draw_pieces(const draw::Canvas& canvas, const Pieces& pieces, const Look& look, bool halo,
+                 Points& points) {
+  const std::vector<EdgeSegment>& segments = pieces.segments;
+  for (size_t i = 0; i < segments.size();) {
+    const EdgeSegment& first = segments[i];
+    const uint8_t flags = pieces.flags[i];
     points.clear();
     points.emplace_back(first.x0, first.y0);
-    points.emplace_back(first.x1, first.y1);
-    size_t next = i + 1;
-    for (; next < pieces.size(); ++next) {
-      const EdgeSegment& piece = pieces[next];
-      const bool joined = piece.line == first.line && piece.visible == first.visible &&
-                          piece.x0 == points.back().x() && piece.y0 == points.back().y();
-      if (!joined || behind(piece) != first_behind) break;
-      points.emplace_back(piece.x1, piece.y1);
-    }
-    i = next;
-    if (!first.visible && !hidden_dashed) continue;
-    draw::Pen pen = pen_of(look, first_behind);
-    if (!first.visible) pen.opacity *= 0.75f;
-    const bool dashed = look.dashed || !first.visible || first_behind;
-    const draw::Dash dash = dashed ? Look::kDash : draw::Dash{};
+    do {
+      points.emplace_back(segments[i].x1, segments[i].y1);
+      ++i;
+    } while (i < segments.size() && segments[i].line == first.line && pieces.flags[i] == flags &&
+             segments[i].x0 == points.back().x() && segments[i].y0 == points.back().y());
+    if ((flags & kOmitted) != 0) continue;
+    draw::Pen pen = pen_of(look, (flags & kBehindScene) != 0);
+    if ((flags & kTurnedAway) != 0) pen.opacity *= 0.75f;
+    const draw::Dash dash = look.dashed || flags != 0 ? Look::kDash : draw::Dash{};
     draw::polyline(canvas, points, halo ? halo_of(pen) : pen, dash);
   }
 }

@@ -27,19 +27,6 @@ struct Look {
   static constexpr draw::Dash kDash{8, 6};
 };
 
-/// Says whether the static scene hides something at that frame pixel.
-class SceneTest {
- public:
-  /// Things at 1/z = `inverse_depth` are hidden where the scene's is `factor` times that.
-  SceneTest(const StaticDepth* scene, double inverse_depth, float factor)
-      : scene_(scene), threshold_(static_cast<float>(inverse_depth) * factor) {}
-  bool hides(float x, float y) const;
-
- private:
-  const StaticDepth* scene_;
-  float threshold_;
-};
-
 /// The circle around the picture of a sphere: centred at the picture of its centre, through the
 /// points of its silhouette as the lens shows them. Empty if the centre does not project or the
 /// camera is inside.
@@ -50,10 +37,34 @@ struct Circle {
 std::optional<Circle> sphere_circle(const CameraModel& model,
                                     const Eigen::Vector3d& center_in_camera, double radius);
 
-/// Appends the 12 edges of the axis-aligned box `low`..`high` of the object's frame. An edge is
-/// marked hidden if both its faces look away from the camera.
-void box_edges(const RayTable& rays, const Rigid3& camera_from_object, const Eigen::Vector3d& low,
-               const Eigen::Vector3d& high, std::vector<EdgeSegment>& out);
+/// What draw_pieces() needs to know of a piece, as bits.
+enum PieceFlags : uint8_t {
+  kTurnedAway = 1,   ///< on the far side of the object: dashed, paler
+  kBehindScene = 2,  ///< the static scene hides it: the x-ray hue, dashed
+  kOmitted = 4,
+};
+
+/// Pieces of lines and what is known of each; keeps its memory.
+struct Pieces {
+  std::vector<EdgeSegment> segments;
+  std::vector<uint8_t> flags;
+  void clear() {
+    segments.clear();
+    flags.clear();
+  }
+};
+
+/// Appends a line in space (camera frame), kBehindScene where the scene's 1/z is `factor` times
+/// its own. `scene` may be null.
+void add_line(const RayTable& rays, const StaticDepth* scene, float factor,
+              const Eigen::Vector3d& start_in_camera, const Eigen::Vector3d& end_in_camera,
+              uint32_t line, uint8_t flags, Pieces& out);
+
+/// Appends the 12 edges of the axis-aligned box `low`..`high` of the object's frame; kTurnedAway if
+/// both faces of an edge look away from the camera.
+void add_box(const RayTable& rays, const StaticDepth* scene, float factor,
+             const Rigid3& camera_from_object, const Eigen::Vector3d& low,
+             const Eigen::Vector3d& high, Pieces& out);
 
 /// Scratch of the functions below; keeps its memory.
 using Points = std::vector<draw::Point>;
@@ -61,10 +72,9 @@ using Points = std::vector<draw::Point>;
 /// Dark rim under lines and markers that are drawn next, 1 px wider on either side.
 draw::Pen halo_of(const draw::Pen& pen);
 
-/// Draws pieces, joining those of one line; hidden ones are dashed if `hidden_dashed`, else left
-/// out. Behind the scene: the x-ray hue, dimmer.
-void draw_pieces(const draw::Canvas& canvas, std::span<const EdgeSegment> pieces, const Look& look,
-                 const SceneTest& scene, bool hidden_dashed, bool halo, Points& points);
+/// Draws the pieces, or only their halo, joining those of one line and one look.
+void draw_pieces(const draw::Canvas& canvas, const Pieces& pieces, const Look& look, bool halo,
+                 Points& points);
 
 void draw_circle(const draw::Canvas& canvas, const Circle& circle, const Look& look);
 /// Upright rectangle, given by pixel edges.

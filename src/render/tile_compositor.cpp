@@ -217,8 +217,16 @@ OverlayTileView TileCompositor::compose(const RasterTile& tile, const TilePaint&
           quarter(v_),      full(alpha_),     quarter(chroma_alpha_)};
 }
 
-bool TileCompositor::hidden_at(int x, int y) const {
-  return rect_.contains(x, y) && hidden_[at(x - rect_.x, y - rect_.y)] != 0;
+bool TileCompositor::hidden_near(int x, int y) const {
+  if (!coverage_.hidden) return false;
+  for (int row = y - 1; row <= y + 1; ++row) {
+    for (int column = x - 1; column <= x + 1; ++column) {
+      if (rect_.contains(column, row) && hidden_[at(column - rect_.x, row - rect_.y)] != 0) {
+        return true;
+      }
+    }
+  }
+  return false;
 }
 
 }  // namespace sightline

@@ -45,8 +45,9 @@ class TileCompositor {
   /// Paints the tile classified last. The view is valid until the next call.
   OverlayTileView compose(const RasterTile& tile, const TilePaint& paint);
 
-  /// True if the scene hides the object at this frame pixel (of the tile classified last).
-  bool hidden_at(int x, int y) const;
+  /// True if the scene hides the object at this frame pixel or one beside it (of the tile
+  /// classified last).
+  bool hidden_near(int x, int y) const;
 
  private:
   size_t at(int x, int y) const {

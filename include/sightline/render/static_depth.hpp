@@ -33,6 +33,8 @@ class StaticDepth {
   int height() const { return tile_.height(); }
   /// Row of the frame: 1/z [1/m] in this camera, 0 where there is no surface.
   const float* row(int y) const { return tile_.inverse_depth(y); }
+  /// The whole frame as a tile, for project_line().
+  const RasterTile& tile() const { return tile_; }
 
  private:
   StaticDepth() = default;
