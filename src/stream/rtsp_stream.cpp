@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rtsp_stream.hpp"
+
+#include <gst/app/gstappsrc.h>
+
+#include "sightline/base/log.hpp"
+
+namespace sightline {
+namespace {
+
+/// Packets that may wait for a media pipeline's thread; more, and the stream skips to a key frame.
+constexpr guint64 kMaxQueued = 8;
+
+using SharedBytes = std::shared_ptr<const std::vector<uint8_t>>;
+using StreamPtr = std::shared_ptr<SharedStream>;
+
+/// A buffer over the packet's own bytes.
+GstBuffer* wrap_bytes(const SharedBytes& bytes) {
+  return gst_buffer_new_wrapped_full(
+      GST_MEMORY_FLAG_READONLY, const_cast<uint8_t*>(bytes->data()), bytes->size(), 0,
+      bytes->size(), new SharedBytes(bytes),
+      [](gpointer owned) { delete static_cast<SharedBytes*>(owned); });
+}
+
+std::string launch_line(const RtspStreamOptions& options) {
+  int numerator = 30, denominator = 1;
+  gst_util_double_to_fraction(options.rate_hz, &numerator, &denominator);
+  return fmt::format(
+      "( appsrc name=src is-live=true do-timestamp=false format=time min-latency=0 max-bytes=0 "
+      "max-buffers=0 max-time=0 caps=\"video/x-h264,stream-format=byte-stream,alignment=au,"
+      "width={},height={},framerate={}/{}\" ! h264parse ! "
+      "rtph264pay name=pay0 pt=96 config-interval=-1 aggregate-mode=zero-latency )",
+      options.width, options.height, numerator, denominator);
+}
+
+void delete_stream_ptr(gpointer data, GClosure*) { delete static_cast<StreamPtr*>(data); }
+
+}  // namespace
+
+SharedStream::SharedStream(std::string name, std::string url, const RtspStreamOptions& options)
+    : name_(std::move(name)), url_(std::move(url)), options_(options) {}
+
+int SharedStream::viewers() const {
+  std::lock_guard lock(mutex_);
+  return static_cast<int>(playing_.size());
+}
+
+bool SharedStream::wanted() const {
+  std::lock_guard lock(mutex_);
+  return !medias_.empty();
+}
+
+uint64_t SharedStream::dropped() const {
+  std::lock_guard lock(mutex_);
+  return dropped_;
+}
+
+void SharedStream::on_wanted(std::function<void(bool)> callback) {
+  {
+    std::lock_guard lock(report_mutex_);
+    wanted_callback_ = std::move(callback);
+    reported_ = false;
+  }
+  report_wanted();
+}
+
+void SharedStream::on_keyframe_wanted(std::function<void()> callback) {
+  std::lock_guard lock(mutex_);
+  keyframe_callback_ = std::move(callback);
+}
+
+void SharedStream::report_wanted() {
+  std::lock_guard lock(report_mutex_);
+  const bool now = wanted();
+  if (now == reported_) return;
+  reported_ = now;
+  if (wanted_callback_) wanted_callback_(now);
+}
+
+void SharedStream::ask_for_keyframe() {
+  std::function<void()> callback;
+  {
+    std::lock_guard lock(mutex_);
+    callback = keyframe_callback_;
+  }
+  if (callback) callback();
+}
+
+void SharedStream::push(const EncodedPacket& packet) {
+  bool lacks_keyframe = false;
+  {
+    std::lock_guard lock(mutex_);
+    for (auto& [key, media] : medias_) lacks_keyframe |= !send(media, packet);
+  }
+  if (lacks_keyframe) ask_for_keyframe();
+}
+
+/// False if the media waits for a key frame now.
+bool SharedStream::send(Media& media, const EncodedPacket& packet) {
+  if (media.needs_keyframe && !packet.keyframe) return false;
+  const GstObjectPtr<GstClock> clock(gst_element_get_clock(media.source.get()));
+  auto* source = GST_APP_SRC(media.source.get());
+  // Without a clock the pipeline is not playing yet: what comes now would have no time.
+  if (!clock || gst_app_src_get_current_level_buffers(source) >= kMaxQueued) {
+    ++dropped_;
+    media.needs_keyframe = true;
+    return false;
+  }
+  media.needs_keyframe = false;
+  GstBuffer* buffer = wrap_bytes(packet.bytes);
+  GST_BUFFER_PTS(buffer) = media.clock.running_time(
+      to_ns(packet.capture), static_cast<int64_t>(gst_clock_get_time(clock.get())),
+      static_cast<int64_t>(gst_element_get_base_time(media.source.get())));
+  if (!packet.keyframe) GST_BUFFER_FLAG_SET(buffer, GST_BUFFER_FLAG_DELTA_UNIT);
+  gst_app_src_push_buffer(source, buffer);
+  return true;
+}
+
+GObjectPtr<GstRTSPMediaFactory> SharedStream::make_factory() {
+  GObjectPtr<GstRTSPMediaFactory> factory(gst_rtsp_media_factory_new());
+  gst_rtsp_media_factory_set_launch(factory.get(), launch_line(options_).c_str());
+  gst_rtsp_media_factory_set_shared(factory.get(), TRUE);
+  gst_rtsp_media_factory_set_latency(factory.get(), 0);
+  gst_rtsp_media_factory_set_stop_on_disconnect(factory.get(), TRUE);
+  gst_rtsp_media_factory_set_protocols(
+      factory.get(),
+      static_cast<GstRTSPLowerTrans>(GST_RTSP_LOWER_TRANS_UDP | GST_RTSP_LOWER_TRANS_TCP));
+  g_signal_connect_data(factory.get(), "media-configure",
+                        G_CALLBACK(+[](GstRTSPMediaFactory*, GstRTSPMedia* media, gpointer self) {
+                          (*static_cast<StreamPtr*>(self))->add_media(media);
+                        }),
+                        new StreamPtr(shared_from_this()), delete_stream_ptr,
+                        static_cast<GConnectFlags>(0));
+  return factory;
+}
+
+void SharedStream::add_media(GstRTSPMedia* media) {
+  // Packets leave when they are made; a sink that paces them would only add delay.
+  gst_rtsp_media_set_rate_control(media, FALSE);
+  const GstObjectPtr<GstElement> bin(gst_rtsp_media_get_element(media));
+  Media state;
+  state.source =
+      GstObjectPtr<GstElement>(gst_bin_get_by_name_recurse_up(GST_BIN(bin.get()), "src"));
+  {
+    std::lock_guard lock(mutex_);
+    if (closed_) return;
+    medias_.insert_or_assign(media, std::move(state));
+  }
+  g_signal_connect_data(media, "unprepared", G_CALLBACK(+[](GstRTSPMedia* gone, gpointer self) {
+                          (*static_cast<StreamPtr*>(self))->remove_media(gone);
+                        }),
+                        new StreamPtr(shared_from_this()), delete_stream_ptr,
+                        static_cast<GConnectFlags>(0));
+  // A media that never got as far as being prepared ends without that signal.
+  g_object_weak_ref(
+      G_OBJECT(media),
+      [](gpointer self, GObject* gone) {
+        const std::unique_ptr<StreamPtr> stream(static_cast<StreamPtr*>(self));
+        (*stream)->remove_media(gone);
+      },
+      new StreamPtr(shared_from_this()));
+  report_wanted();
+  ask_for_keyframe();
+}
+
+void SharedStream::remove_media(const void* media) {
+  {
+    std::lock_guard lock(mutex_);
+    if (medias_.erase(media) == 0) return;
+    if (medias_.empty()) playing_.clear();
+  }
+  report_wanted();
+}
+
+void SharedStream::viewer_started(const GstRTSPClient* client, const std::string& session) {
+  {
+    std::lock_guard lock(mutex_);
+    if (closed_) return;
+    playing_.emplace(client, session);
+  }
+  log::debug("rtsp: a viewer of /{} starts", name_);
+  ask_for_keyframe();
+}
+
+void SharedStream::viewer_stopped(const GstRTSPClient* client, const std::string& session) {
+  std::lock_guard lock(mutex_);
+  playing_.erase({client, session});
+}
+
+void SharedStream::session_gone(const std::string& session) {
+  std::lock_guard lock(mutex_);
+  std::erase_if(playing_, [&](const auto& viewer) { return viewer.second == session; });
+}
+
+void SharedStream::client_gone(const GstRTSPClient* client) {
+  std::lock_guard lock(mutex_);
+  std::erase_if(playing_, [&](const auto& viewer) { return viewer.first == client; });
+}
+
+bool SharedStream::is_watched_by(const GstRTSPClient* client) const {
+  std::lock_guard lock(mutex_);
+  return std::any_of(playing_.begin(), playing_.end(),
+                     [&](const auto& viewer) { return viewer.first == client; });
+}
+
+void SharedStream::close() {
+  std::map<const void*, Media> gone;  // given back outside the lock
+  {
+    std::lock_guard lock(mutex_);
+    closed_ = true;
+    gone.swap(medias_);
+    playing_.clear();
+  }
+  report_wanted();
+}
+
+}  // namespace sightline
