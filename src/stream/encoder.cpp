@@ -115,7 +115,7 @@ struct VideoEncoder::Impl {
   std::deque<Ticket> tickets;  ///< handed to the encoder, oldest first
   uint64_t next_picture = 0;
   bool keyframe_wanted = false;
-  Time last_keyframe_request{};
+  std::optional<Time> last_keyframe_request;
   EncoderCounts counts;
 
   ~Impl() {
@@ -213,7 +213,9 @@ void VideoEncoder::Impl::feed(Waiting next) {
 void VideoEncoder::Impl::force_keyframe_if_due() {
   if (!keyframe_wanted) return;
   const Time now = MonotonicClock::now();
-  if (now - last_keyframe_request < options.keyframe_request_spacing) return;
+  if (last_keyframe_request && now - *last_keyframe_request < options.keyframe_request_spacing) {
+    return;
+  }
   keyframe_wanted = false;
   last_keyframe_request = now;
   gst_pad_send_event(encoder_pad.get(),
@@ -247,7 +249,9 @@ std::optional<Ticket> VideoEncoder::Impl::take_ticket(GstClockTime pts) {
 
 void VideoEncoder::Impl::on_sample(GstSample& sample) {
   GstBuffer* buffer = gst_sample_get_buffer(&sample);
-  auto ticket = take_ticket(GST_BUFFER_PTS(buffer));
+  // Some encoders move time stamps and say so in the segment (x264enc: by 1000 hours).
+  auto ticket = take_ticket(gst_segment_to_running_time(gst_sample_get_segment(&sample),
+                                                        GST_FORMAT_TIME, GST_BUFFER_PTS(buffer)));
   if (!ticket) {
     log::warning("{}: encoder {} gave a packet that belongs to no picture; dropped", camera,
                  element);

@@ -13,7 +13,7 @@
 namespace sightline {
 namespace {
 
-constexpr GstClockTime kProbeTimeout = 3 * GST_SECOND;
+constexpr Duration kProbeTimeout = std::chrono::seconds(3);
 
 bool is_software(const std::string& element) {
   return element == "x264enc" || element == "openh264enc";
@@ -75,6 +75,28 @@ std::string input_caps(const EncoderOptions& options) {
       options.width, options.height, numerator, denominator);
 }
 
+enum class Answer { kNone, kPacket, kFailure };
+
+/// What a pipeline that was given one picture and the end comes to, within the time for it.
+Answer wait_for_answer(GstElement* pipeline) {
+  const auto sink = element_of(pipeline, "sink");
+  const GstObjectPtr<GstBus> bus(gst_element_get_bus(pipeline));
+  const Time deadline = MonotonicClock::now() + kProbeTimeout;
+  while (MonotonicClock::now() < deadline) {
+    const GstMiniPtr<GstSample> sample(
+        gst_app_sink_try_pull_sample(GST_APP_SINK(sink.get()), 20 * GST_MSECOND));
+    if (sample) return Answer::kPacket;
+    const GstMiniPtr<GstMessage> message(gst_bus_pop_filtered(
+        bus.get(), static_cast<GstMessageType>(GST_MESSAGE_EOS | GST_MESSAGE_ERROR)));
+    if (!message) continue;
+    if (GST_MESSAGE_TYPE(message.get()) == GST_MESSAGE_ERROR) {
+      log::debug("encoder probe: {}", text_of_error_message(message.get()));
+    }
+    return Answer::kFailure;
+  }
+  return Answer::kNone;
+}
+
 /// Encodes one grey picture; true if an access unit came out in time.
 bool probe(const std::string& element) {
   EncoderOptions options;
@@ -88,8 +110,6 @@ bool probe(const std::string& element) {
   }
   const GstObjectPtr<GstElement> pipeline = *std::move(built);
   const auto source = element_of(pipeline.get(), "src");
-  const auto sink = element_of(pipeline.get(), "sink");
-
   const size_t size = 320 * 240 * 3 / 2;
   GstBuffer* picture = gst_buffer_new_allocate(nullptr, size, nullptr);
   gst_buffer_memset(picture, 0, 128, size);
@@ -102,26 +122,16 @@ bool probe(const std::string& element) {
       pipeline.get(),
       [](GstElement* self, gpointer) { gst_element_set_state(self, GST_STATE_PLAYING); }, nullptr,
       nullptr);
-  const GstObjectPtr<GstBus> bus(gst_element_get_bus(pipeline.get()));
-  const GstMiniPtr<GstMessage> message(gst_bus_timed_pop_filtered(
-      bus.get(), kProbeTimeout, static_cast<GstMessageType>(GST_MESSAGE_EOS | GST_MESSAGE_ERROR)));
-  if (!message) {
+  const Answer answer = wait_for_answer(pipeline.get());
+  if (answer == Answer::kNone) {
     log::warning("encoder {} did not answer within {} s: not used", element,
-                 kProbeTimeout / GST_SECOND);
+                 to_seconds(kProbeTimeout));
     // Stopping could hang as well. The pipeline is left to the stuck driver, on purpose.
     gst_object_ref(pipeline.get());
     return false;
   }
-  bool works = false;
-  if (GST_MESSAGE_TYPE(message.get()) == GST_MESSAGE_ERROR) {
-    log::debug("encoder {}: {}", element, text_of_error_message(message.get()));
-  } else {
-    const GstMiniPtr<GstSample> sample(
-        gst_app_sink_try_pull_sample(GST_APP_SINK(sink.get()), GST_SECOND));
-    works = sample != nullptr;
-  }
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
-  return works;
+  return answer == Answer::kPacket;
 }
 
 }  // namespace
