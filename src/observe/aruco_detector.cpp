@@ -55,9 +55,7 @@ const DictionaryName* find_dictionary(const std::string& name) {
 class Markers {
  public:
 #if SIGHTLINE_OPENCV_ARUCO_CLASSES
-  static cv::aruco::Dictionary dictionary(int id) {
-    return cv::aruco::getPredefinedDictionary(id);
-  }
+  static cv::aruco::Dictionary dictionary(int id) { return cv::aruco::getPredefinedDictionary(id); }
   explicit Markers(const cv::aruco::Dictionary& dictionary)
       : detector_(dictionary, cv::aruco::DetectorParameters()) {}
   void detect(const cv::Mat& image, std::vector<std::vector<cv::Point2f>>& corners,
@@ -87,8 +85,8 @@ class Markers {
 
 /// The part of `plane` that a region covers, without a copy.
 cv::Mat view(const PlaneView& plane, const Region& r) {
-  return cv::Mat(r.height(), r.width(), CV_8UC1,
-                 const_cast<uint8_t*>(plane.row(r.top) + r.left), static_cast<size_t>(plane.stride));
+  return cv::Mat(r.height(), r.width(), CV_8UC1, const_cast<uint8_t*>(plane.row(r.top) + r.left),
+                 static_cast<size_t>(plane.stride));
 }
 
 class ArucoDetector : public SquareDetector {
@@ -99,7 +97,7 @@ class ArucoDetector : public SquareDetector {
   void detect(const Frame& frame, const Region& region, double scale,
               std::vector<SquareDetection>& out) override {
     const double factor = prepare(frame, region, scale);
-    const Eigen::Vector2d origin(factor * origin_.x, factor * origin_.y);
+    const Eigen::Vector2d origin = factor * origin_;
     const Eigen::Vector2d centre = Eigen::Vector2d::Constant((factor - 1) / 2);
     corners_.clear();
     ids_.clear();
@@ -120,20 +118,21 @@ class ArucoDetector : public SquareDetector {
   }
 
   Border border(int) const override { return {modules_, inverted_}; }
+  double min_side_px() const override { return 3.5 * modules_; }
 
  private:
   /// Sets image_ to the region at `scale` and returns full-size pixels per pixel of it.
   double prepare(const Frame& frame, const Region& region, double scale) {
     double factor = 1;
     if (scale > 0.75) {
-      origin_ = {region.left, region.top};
+      origin_ = Eigen::Vector2d(region.left, region.top);
       image_ = view(frame.grey(), region);
     } else {
       factor = 2;
       const PlaneView half = frame.half_grey();
       const Region r{region.left / 2, region.top / 2, std::min(half.width, (region.right + 1) / 2),
                      std::min(half.height, (region.bottom + 1) / 2)};
-      origin_ = {r.left, r.top};
+      origin_ = Eigen::Vector2d(r.left, r.top);
       image_ = view(half, r);
       if (scale < 0.375) {
         factor = 4;
@@ -153,7 +152,7 @@ class ArucoDetector : public SquareDetector {
   int modules_;
   bool inverted_;
   cv::Mat image_, quarter_, negative_;
-  cv::Point2d origin_;
+  Eigen::Vector2d origin_ = Eigen::Vector2d::Zero();  // of image_ in pixels of its own size
   std::vector<std::vector<cv::Point2f>> corners_;
   std::vector<int> ids_;
 };
@@ -197,8 +196,9 @@ Result<std::unique_ptr<SquareDetector>> make_aruco_detector(const std::vector<Sq
     cv::Mat used;
     for (const SquareCode& code : codes) {
       if (code.id < 0 || code.id >= all.bytesList.rows) {
-        return make_error(ErrorCode::kInvalidInput, where, "dictionary {} has no id {}: it has 0 to {}",
-                          dictionary, code.id, all.bytesList.rows - 1);
+        return make_error(ErrorCode::kInvalidInput, where,
+                          "dictionary {} has no id {}: it has 0 to {}", dictionary, code.id,
+                          all.bytesList.rows - 1);
       }
       used.push_back(all.bytesList.row(code.id));
     }

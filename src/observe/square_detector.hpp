@@ -30,6 +30,9 @@ struct SquareDetection {
   std::array<Eigen::Vector2d, 4> corners;
 };
 
+/// Length of a quadrilateral's shortest side.
+double shortest_side(const std::array<Eigen::Vector2d, 4>& corners);
+
 /// A marker to look for.
 struct SquareCode {
   std::string family;
@@ -51,6 +54,8 @@ class SquareDetector {
     bool bright_inside = false;
   };
   virtual Border border(int code) const = 0;
+  /// Side of a marker in the searched picture (at its scale) from which on it is found reliably.
+  virtual double min_side_px() const = 0;
   /// Detections that the limits refused, since the start.
   virtual uint64_t refused() const { return 0; }
 };

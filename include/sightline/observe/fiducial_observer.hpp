@@ -20,16 +20,21 @@ struct FiducialOptions {
   double search_scale = 0.5;  ///< markers are searched in the picture at this scale: 1, 0.5, 0.25
   /// Noise of one corner coordinate, one sigma, of square markers and of board corners; the
   /// defaults are measured (src/observe/README.md). The camera's own calibration error is added.
-  double tag_sigma_px = 0.12;
-  double board_sigma_px = 0.2;
-  double calibration_share = 0.3;  ///< of CalibratedCamera::rms_px that is added in squares
-  double huber = 2.5;              ///< robust threshold [sigma]
-  int threads = 1;  ///< of the AprilTag detector; 1 keeps the daemon's own threads alone
+  double tag_sigma_px = 0.06;
+  double board_sigma_px = 0.12;
+  double calibration_share = 0.25;  ///< of CalibratedCamera::rms_px that is added in squares
+  /// Exponent from picture level to light: about 2.2 for webcams and video, 1 for machine-vision
+  /// cameras with a linear response. Wrong by 1, a dark border comes out 0.3 px too small.
+  double gamma = 2.2;
+  double huber = 2.5;  ///< robust threshold [sigma]
+  int threads = 1;     ///< of the AprilTag detector; 1 keeps the daemon's own threads alone
   double region_margin = 0.35;  ///< of the predicted region's size, added on each side
   double region_sigmas = 3.0;   ///< of the predicted pose, added to the region
   /// While a confident track (state tracking) says where to look and nothing is there, the whole
   /// picture is searched only every so many frames; otherwise whenever the region shows nothing.
   int full_search_interval = 10;
+  /// A lost object is searched at full size, for small markers, in one of so many frames.
+  int thorough_interval = 4;
   double min_side_px = 10;          ///< shortest side of a marker that is believed
   int max_hamming = 1;              ///< corrected bits of an AprilTag
   double min_decision_margin = 20;  ///< of an AprilTag, grey levels

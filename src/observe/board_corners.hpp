@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "board_layout.hpp"
+#include "plane_pose.hpp"
+#include "sightline/geometry/camera_model.hpp"
+#include "sightline/image/planes.hpp"
+#include "square_detector.hpp"
+
+namespace sightline::observe {
+
+/// Finds the inner corners of one ChArUco board from its markers: pose of the board from the
+/// markers' corners, every inner corner next to a marker projected through the lens, and refined
+/// as a saddle point at full size in a window that ends before the markers begin.
+class BoardFinder {
+ public:
+  BoardFinder(const CharucoBoard& board, std::shared_ptr<const CalibratedCamera> camera);
+
+  /// `markers`: detections whose `code` is the marker's id. Empty if there are fewer than
+  /// `min_corners` corners, or if nothing tells yet which layout was printed.
+  std::optional<PlanarView> find(const PlaneView& grey, const std::vector<SquareDetection>& markers,
+                                 int min_corners);
+
+ private:
+  struct Fit {
+    Rigid3 camera_from_board;
+    double cost = 0;
+    std::vector<int> good;  ///< ids of the markers that agree
+  };
+  std::optional<Fit> fit(const BoardLayout& layout,
+                         const std::vector<SquareDetection>& markers) const;
+  const BoardLayout* choose(const std::vector<SquareDetection>& markers, Fit& fit);
+  std::optional<Eigen::Vector2d> refine(const PlaneView& grey, const BoardLayout& layout,
+                                        const Rigid3& camera_from_board, int corner) const;
+
+  CharucoBoard board_;
+  std::shared_ptr<const CalibratedCamera> camera_;
+  std::shared_ptr<const CalibratedCamera> at_origin_;  ///< the same lens, world = camera
+  std::vector<BoardLayout> layouts_;                   ///< still possible; one once decided
+};
+
+}  // namespace sightline::observe
