@@ -115,7 +115,7 @@ struct VideoEncoder::Impl {
   std::deque<Ticket> tickets;  ///< handed to the encoder, oldest first
   uint64_t next_picture = 0;
   bool keyframe_wanted = false;
-  std::optional<Time> last_keyframe_request;
+  Time next_keyframe_request = Time::min();  ///< not before
   EncoderCounts counts;
 
   ~Impl() {
@@ -213,11 +213,9 @@ void VideoEncoder::Impl::feed(Waiting next) {
 void VideoEncoder::Impl::force_keyframe_if_due() {
   if (!keyframe_wanted) return;
   const Time now = MonotonicClock::now();
-  if (last_keyframe_request && now - *last_keyframe_request < options.keyframe_request_spacing) {
-    return;
-  }
+  if (now < next_keyframe_request) return;
   keyframe_wanted = false;
-  last_keyframe_request = now;
+  next_keyframe_request = now + options.keyframe_request_spacing;
   gst_pad_send_event(encoder_pad.get(),
                      gst_video_event_new_upstream_force_key_unit(GST_CLOCK_TIME_NONE, TRUE, 0));
 }
