@@ -11,6 +11,10 @@
 
 namespace sightline {
 
+namespace raster {
+struct DrawJob;
+}
+
 /// How the inner loops run. kAuto takes AVX2 where the processor has it; both give the same bits.
 enum class RasterKernel { kAuto, kScalar, kAvx2 };
 
@@ -41,8 +45,11 @@ class MeshRasterizer final : public RasterBackend {
 
  private:
   struct Scratch;
+  void project_vertices();
+  size_t list_faces();
+  raster::DrawJob draw_job();
+
   std::shared_ptr<const RayTable> rays_;
-  RasterKernel kernel_;
   std::unique_ptr<Scratch> scratch_;
   size_t exact_pixels_ = 0;
 };

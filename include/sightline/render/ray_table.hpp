@@ -56,7 +56,7 @@ class RayTable {
   double project_limit() const { return project_limit_; }
 
   /// Double-precision ray of any pixel position, by Newton's method on the lens equations from
-  /// `start` (a ray nearby). Empty where it does not converge inside the fold-over radius.
+  /// `start` (a ray nearby). Empty where it does not converge inside project_limit().
   std::optional<Eigen::Vector2d> solve_ray(double px, double py,
                                            const Eigen::Vector2d& start) const;
   /// Ray of a pixel of the table in double precision; empty where the table holds NaN.

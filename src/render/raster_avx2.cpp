@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "raster_kernels.hpp"
+
+#ifdef __AVX2__
+
+#include <immintrin.h>
+
+namespace sightline::raster {
+namespace {
+
+using F8 = __m256;
+struct M8 {
+  __m256 v;
+};
+
+inline F8 load(const float* p) { return _mm256_loadu_ps(p); }
+inline F8 load_aligned(const float* p) { return _mm256_load_ps(p); }
+inline F8 set1(float a) { return _mm256_set1_ps(a); }
+inline F8 add(F8 a, F8 b) { return _mm256_add_ps(a, b); }
+inline F8 sub(F8 a, F8 b) { return _mm256_sub_ps(a, b); }
+inline F8 mul(F8 a, F8 b) { return _mm256_mul_ps(a, b); }
+inline F8 min(F8 a, F8 b) { return _mm256_min_ps(a, b); }
+inline F8 max(F8 a, F8 b) { return _mm256_max_ps(a, b); }
+inline M8 greater(F8 a, F8 b) { return {_mm256_cmp_ps(a, b, _CMP_GT_OQ)}; }
+inline M8 both(M8 a, M8 b) { return {_mm256_and_ps(a.v, b.v)}; }
+inline unsigned bits(M8 a) { return static_cast<unsigned>(_mm256_movemask_ps(a.v)); }
+inline M8 from_bits(unsigned b) {
+  const __m256i lane = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+  const __m256i set = _mm256_and_si256(_mm256_set1_epi32(static_cast<int>(b)), lane);
+  return {_mm256_castsi256_ps(_mm256_cmpeq_epi32(set, lane))};
+}
+inline F8 select(M8 m, F8 a, F8 b) { return _mm256_blendv_ps(b, a, m.v); }
+inline void store_aligned(float* p, F8 a) { _mm256_store_ps(p, a); }
+inline void store_bytes(uint8_t* p, M8 m, uint8_t value) {
+  const __m256i wide = _mm256_castps_si256(m.v);
+  const __m128i words =
+      _mm_packs_epi32(_mm256_castsi256_si128(wide), _mm256_extracti128_si256(wide, 1));
+  const __m128i mask = _mm_packs_epi16(words, words);
+  __m128i* const at = reinterpret_cast<__m128i*>(p);
+  const __m128i fresh = _mm_set1_epi8(static_cast<char>(value));
+  _mm_storel_epi64(at, _mm_blendv_epi8(_mm_loadl_epi64(at), fresh, mask));
+}
+
+}  // namespace
+}  // namespace sightline::raster
+
+#include "raster_loops.inl"
+
+namespace sightline::raster {
+
+const Kernels* avx2_kernels() { return &kKernels; }
+
+}  // namespace sightline::raster
+
+#else
+
+namespace sightline::raster {
+
+const Kernels* avx2_kernels() { return nullptr; }
+
+}  // namespace sightline::raster
+
+#endif

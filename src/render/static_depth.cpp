@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sightline/render/static_depth.hpp"
+
+#include <algorithm>
+
+#include "sightline/base/check.hpp"
+#include "sightline/render/raster.hpp"
+
+namespace sightline {
+
+std::shared_ptr<const StaticDepth> StaticDepth::build(const std::shared_ptr<const RayTable>& rays,
+                                                      const Rigid3& world_from_camera,
+                                                      std::span<const SceneMesh> meshes) {
+  const std::shared_ptr<StaticDepth> scene(new StaticDepth);
+  scene->tile_.reset({0, 0, rays->even_width(), rays->even_height()});
+  MeshRasterizer rasterizer(rays);
+  const Rigid3 camera_from_world = world_from_camera.inverse();
+  for (const SceneMesh& part : meshes) {
+    SL_CHECK(part.mesh != nullptr, "a scene mesh is set");
+    const Status drawn =
+        rasterizer.draw(*part.mesh, camera_from_world * part.world_from_mesh, scene->tile_);
+    SL_CHECK(drawn.has_value(), "the CPU rasteriser does not fail");
+  }
+  for (int y = 0; y < scene->height() && scene->empty_; ++y) {
+    const float* const row = scene->row(y);
+    scene->empty_ = std::all_of(row, row + scene->width(), [](float z) { return z == 0; });
+  }
+  return scene;
+}
+
+}  // namespace sightline
