@@ -1,0 +1,359 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sightline/config/installation.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+#include <optional>
+
+#include "names.hpp"
+#include "section_reader.hpp"
+#include "toml_reader.hpp"
+
+namespace sightline {
+namespace {
+
+using config::PlacedText;
+using config::SectionReader;
+using config::TomlTable;
+namespace fs = std::filesystem;
+
+constexpr size_t kMostCameras = 64;  // bits of a CameraSet
+constexpr size_t kMostObjects = 255;
+constexpr std::string_view kReplayScheme = "replay:";
+
+// Reads one installation; its methods follow the file from top to bottom.
+class InstallationReader {
+ public:
+  InstallationReader(config::TomlDocument& document, const fs::path& path,
+                     const InstallationFiles& files)
+      : document_(document), root_(document.root()), path_(path), files_(files) {}
+
+  Result<Installation> read() {
+    result_.file = path_;
+    result_.http.server.port = 8080;
+    result_.name = path_.stem().string();
+    if (const auto name = root_.text("name")) result_.name = name->text;
+    read_calibration_file();
+    read_overlay();
+    read_cameras();
+    read_objects();
+    read_scene();
+    section("observe", result_.observe);
+    section("estimator", result_.estimator);
+    read_servers();
+    section("encoder", result_.encoder);
+    read_record();
+    section("daemon", result_.daemon);
+    root_.refuse("publish", "publishing poses to other programs comes with a later release");
+    root_.finish();
+    if (!document_.problems().empty()) return document_.problems().error();
+    return std::move(result_);
+  }
+
+ private:
+  template <typename Section>
+  void section(std::string_view key, Section& fields) {
+    if (auto table = root_.table(key)) {
+      SectionReader reader(*table, path_, files_);
+      config::visit(reader, fields);
+      table->finish();
+    }
+  }
+
+  void read_calibration_file();
+  void read_overlay();
+  void read_cameras();
+  void read_camera(TomlTable table);
+  void read_source(TomlTable& table, CameraConfig& camera);
+  void check_recorded(TomlTable& table, const CameraConfig& camera);
+  std::optional<CalibratedCamera> calibration_of(TomlTable& table, const std::string& name);
+  void check_size(TomlTable& table, const CameraConfig& camera, bool calibrated);
+  void read_objects();
+  void read_scene();
+  void read_servers();
+  void read_record();
+
+  config::TomlDocument& document_;
+  TomlTable root_;
+  const fs::path& path_;
+  const InstallationFiles& files_;
+  Installation result_;
+  OverlayStyle overlay_;
+  std::optional<std::vector<CalibratedCamera>> calibrated_;
+  std::map<fs::path, Result<std::vector<RecordedCameraEntry>>> recordings_;
+  std::map<std::string, unsigned> camera_lines_;
+};
+
+void InstallationReader::read_calibration_file() {
+  if (!root_.require("calibration", "the file of the calibration, as in \"calibration.toml\"")) {
+    return;
+  }
+  const auto file = root_.text("calibration");
+  if (!file) return;
+  result_.calibration = config::resolve(path_, file->text);
+  auto cameras = files_.calibration(result_.calibration);
+  if (cameras) {
+    calibrated_ = *std::move(cameras);
+  } else {
+    root_.problem("calibration",
+                  fmt::format("cannot use this calibration\n  {}", cameras.error().message()),
+                  cameras.error().code);
+  }
+}
+
+void InstallationReader::read_overlay() {
+  auto table = root_.table("overlay");
+  if (!table) return;
+  SectionReader reader(*table, path_, files_);
+  config::visit(reader, overlay_);
+  config::visit(reader, result_.render);
+  table->finish();
+}
+
+void InstallationReader::read_cameras() {
+  if (!root_.require("camera", "at least one table [[camera]]")) return;
+  auto tables = root_.tables("camera");
+  if (tables.size() > kMostCameras) {
+    root_.problem("camera",
+                  fmt::format("{} cameras; at most {} work together", tables.size(), kMostCameras));
+    return;
+  }
+  for (TomlTable& table : tables) read_camera(table);
+}
+
+std::optional<CalibratedCamera> InstallationReader::calibration_of(TomlTable& table,
+                                                                   const std::string& name) {
+  if (!calibrated_) return std::nullopt;
+  std::vector<std::string> names;
+  for (const CalibratedCamera& camera : *calibrated_) {
+    if (camera.name == name) return camera;
+    names.push_back(camera.name);
+  }
+  table.problem("name",
+                fmt::format("camera \"{}\" has no calibration in {}{}", name,
+                            result_.calibration.string(), config::suggestion(name, names)),
+                ErrorCode::kNotFound);
+  return std::nullopt;
+}
+
+void InstallationReader::read_camera(TomlTable table) {
+  std::string name;
+  std::optional<CalibratedCamera> calibration;
+  if (table.require("name", "the camera's name, as in the calibration")) {
+    if (const auto text = table.text("name")) {
+      name = text->text;
+      const std::string_view fault = config::camera_name_fault(name);
+      const auto [first, is_new] = camera_lines_.emplace(name, text->place.line);
+      if (!fault.empty()) {
+        table.problem("name", fault);
+      } else if (!is_new) {
+        table.problem("name", fmt::format("there is a camera \"{}\" already, in line {}", name,
+                                          first->second));
+      } else {
+        calibration = calibration_of(table, name);
+      }
+    }
+  }
+  // Stands in for a calibration that is missing, so that the rest of the table is checked too.
+  const bool calibrated = calibration.has_value();
+  if (!calibrated) {
+    CameraModel::Parameters any;
+    any.width = any.height = 2;
+    any.fx = any.fy = 1;
+    calibration = CalibratedCamera{name, *CameraModel::create(any, ""), {}, 0.5};
+  }
+  CameraConfig camera{.name = name,
+                      .recording = {},
+                      .recorded_as = name,
+                      .calibration = *calibration,
+                      .overlay = overlay_,
+                      .where = document_.problems().where(table.place())};
+  SectionReader reader(table, path_, files_);
+  reader.number("rate", camera.rate_hz, 0.1, 1000, "a frame rate in Hz");
+  reader.choice("role", camera.role, config::kRoles);
+  if (auto overlay = table.table("overlay")) {
+    SectionReader overlay_reader(*overlay, path_, files_);
+    config::visit(overlay_reader, camera.overlay);
+    overlay->finish();
+  }
+  read_source(table, camera);
+  check_size(table, camera, calibrated);
+  if (calibrated) check_recorded(table, camera);
+  table.finish();
+  result_.cameras.push_back(std::move(camera));
+}
+
+void InstallationReader::read_source(TomlTable& table, CameraConfig& camera) {
+  SectionReader reader(table, path_, files_);
+  reader.flag("loop", camera.loop);
+  reader.text("recorded_as", camera.recorded_as);
+  if (!table.require("source", "where its pictures come from, as in \"replay:FOLDER\"")) return;
+  const auto source = table.text("source");
+  if (!source) return;
+  if (!source->text.starts_with(kReplayScheme)) {
+    table.problem("source",
+                  fmt::format("\"{}\" is no source of this build; known: replay:FOLDER (a "
+                              "recording). Live cameras come with a later release",
+                              source->text.substr(0, 200)));
+    return;
+  }
+  const std::string folder = source->text.substr(kReplayScheme.size());
+  if (folder.empty()) {
+    table.problem("source", "\"replay:\" wants the folder of a recording behind it");
+    return;
+  }
+  camera.recording = config::resolve(path_, folder);
+}
+
+void InstallationReader::check_size(TomlTable& table, const CameraConfig& camera, bool calibrated) {
+  constexpr int kLargest = 32768;
+  const CameraModel& lens = camera.calibration.model;
+  const auto check = [&](std::string_view key, int calibrated_size) {
+    const auto size = table.integer(key, 1, kLargest, "a whole number of pixels");
+    if (!size || !calibrated || *size == calibrated_size) return;
+    table.problem(key, fmt::format("{} differs from the calibration, which is for {}x{}: give that "
+                                   "size or calibrate at this one",
+                                   *size, lens.width(), lens.height()));
+  };
+  check("width", lens.width());
+  check("height", lens.height());
+  if (calibrated && streams(camera.role) && (lens.width() % 2 != 0 || lens.height() % 2 != 0)) {
+    table.problem("name", fmt::format("a camera that is streamed has even width and height; \"{}\" "
+                                      "is {}x{}",
+                                      camera.name, lens.width(), lens.height()));
+  }
+}
+
+void InstallationReader::check_recorded(TomlTable& table, const CameraConfig& camera) {
+  if (camera.recording.empty()) return;
+  auto known = recordings_.find(camera.recording);
+  if (known == recordings_.end()) {
+    known = recordings_.emplace(camera.recording, files_.recording(camera.recording)).first;
+  }
+  if (!known->second) {
+    const Error& error = known->second.error();
+    table.problem("source", fmt::format("cannot play this recording\n  {}", error.message()),
+                  error.code);
+    return;
+  }
+  std::vector<std::string> names;
+  for (const RecordedCameraEntry& entry : *known->second) {
+    if (entry.name != camera.recorded_as) {
+      names.push_back(entry.name);
+      continue;
+    }
+    const CameraModel& lens = camera.calibration.model;
+    if (entry.width != lens.width() || entry.height != lens.height()) {
+      table.problem("source",
+                    fmt::format("the recording of \"{}\" is {}x{}, the calibration of \"{}\" {}x{}",
+                                entry.name, entry.width, entry.height, camera.name, lens.width(),
+                                lens.height()));
+    }
+    return;
+  }
+  table.problem(table.has("recorded_as") ? "recorded_as" : "source",
+                fmt::format("the recording has no camera \"{}\"{}", camera.recorded_as,
+                            config::suggestion(camera.recorded_as, names)),
+                ErrorCode::kNotFound);
+}
+
+void InstallationReader::read_objects() {
+  std::map<std::string, unsigned> lines;
+  auto tables = root_.tables("object");
+  if (tables.size() > kMostObjects) {
+    root_.problem("object", fmt::format("{} objects; at most {}", tables.size(), kMostObjects));
+    return;
+  }
+  for (TomlTable& table : tables) {
+    if (table.require("file", "an object file, as in \"objects/carton.toml\"")) {
+      if (const auto file = table.text("file")) {
+        const fs::path path = config::resolve(path_, file->text);
+        auto object = files_.object(path);
+        if (!object) {
+          table.problem("file",
+                        fmt::format("cannot use this object\n  {}", object.error().message()),
+                        object.error().code);
+        } else if (const auto [first, is_new] = lines.emplace(object->name, file->place.line);
+                   !is_new) {
+          table.problem("file", fmt::format("there is an object \"{}\" already, in line {}",
+                                            object->name, first->second));
+        } else {
+          const uint64_t content = files_.content(path) * 31 + files_.content(object->mesh);
+          result_.objects.push_back(
+              {*std::move(object), content, document_.problems().where(table.place())});
+        }
+      }
+    }
+    table.finish();
+  }
+}
+
+void InstallationReader::read_scene() {
+  auto table = root_.table("scene");
+  if (!table) return;
+  if (const auto meshes = table->texts("meshes")) {
+    for (const PlacedText& mesh : *meshes) {
+      const fs::path path = config::resolve(path_, mesh.text);
+      if (!files_.is_file(path)) {
+        document_.problems().add(mesh.place,
+                                 fmt::format("meshes: there is no file {}", path.string()),
+                                 ErrorCode::kNotFound);
+      }
+      result_.scene.content = result_.scene.content * 31 + files_.content(path);
+      result_.scene.meshes.push_back(path);
+    }
+  }
+  if (const auto unit = table->text("unit")) {
+    const auto meters = config::meters_per_unit(unit->text);
+    if (!meters) {
+      table->problem("unit", fmt::format("expected \"m\", \"cm\", \"mm\" or \"in\", found \"{}\"",
+                                         unit->text));
+    }
+    result_.scene.meters_per_unit = meters.value_or(1.0);
+  }
+  table->finish();
+}
+
+void InstallationReader::read_servers() {
+  section("rtsp", result_.rtsp);
+  section("http", result_.http);
+  if (result_.rtsp.server.address.empty()) {
+    root_.table("rtsp")->problem("address", "an address to listen at, as in \"0.0.0.0\"");
+  }
+  const HttpOptions& http = result_.http.server;
+  if (!config::is_numeric_address(http.address)) {
+    root_.table("http")->problem("address", "a numeric address, as in \"127.0.0.1\" or \"::1\"");
+  } else if (!config::is_loopback_address(http.address) && !http.allow_remote) {
+    root_.table("http")->problem(
+        "address",
+        "other hosts could reach it, and there is no password: say allow_remote = true "
+        "if that is meant");
+  }
+  if (result_.rtsp.enabled && result_.http.enabled && result_.rtsp.server.port == http.port) {
+    const bool named = root_.has("http");
+    (named ? *root_.table("http") : *root_.table("rtsp"))
+        .problem("port", fmt::format("{} is used by [rtsp] and by [http]", http.port));
+  }
+}
+
+void InstallationReader::read_record() {
+  section("record", result_.record);
+  if (result_.record.enabled && result_.record.directory.empty()) {
+    auto table = root_.table("record");
+    if (!table->has("directory")) {
+      table->require("directory", "the folder that takes the recordings");
+    }
+  }
+}
+
+}  // namespace
+
+Result<Installation> parse_installation(std::string_view text, const fs::path& path,
+                                        const InstallationFiles& files) {
+  SL_ASSIGN(auto document, config::TomlDocument::parse(text, path.string()));
+  return InstallationReader(document, path, files).read();
+}
+
+}  // namespace sightline

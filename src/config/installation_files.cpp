@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+
+#include "sightline/base/files.hpp"
+#include "sightline/calibrate/calibration_file.hpp"
+#include "sightline/config/installation.hpp"
+#include "sightline/config/object_file.hpp"
+#include "sightline/record/recording.hpp"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kLargestText = size_t{4} << 20;
+
+Result<RecordingManifest> read_manifest(const fs::path& folder) {
+  const fs::path file = folder / "recording.toml";
+  SL_ASSIGN(const std::string text, read_file(file, kLargestText));
+  return parse_recording_toml(text, file.string());
+}
+
+Result<std::vector<RecordedCameraEntry>> recorded_cameras(const fs::path& folder) {
+  SL_ASSIGN(const RecordingManifest manifest, read_manifest(folder));
+  std::vector<RecordedCameraEntry> cameras;
+  for (const auto& camera : manifest.cameras) {
+    cameras.push_back({camera.name, camera.width, camera.height});
+  }
+  return cameras;
+}
+
+bool file_exists(const fs::path& path) {
+  std::error_code code;
+  return fs::is_regular_file(path, code);
+}
+
+bool directory_exists(const fs::path& path) {
+  std::error_code code;
+  return fs::is_directory(path, code);
+}
+
+uint64_t content_of(const fs::path& path) {
+  const auto content = read_file(path);
+  return content ? content_hash(*content) : 0;
+}
+
+// Checks one camera of the recording against the calibration beside it.
+Result<CameraConfig> camera_of(const RecordingManifest::Camera& recorded, const fs::path& folder,
+                               const std::vector<CalibratedCamera>& calibration) {
+  const std::string where =
+      fmt::format("{}:{}", (folder / "recording.toml").string(), recorded.line);
+  const CalibratedCamera* calibrated = find_camera(calibration, recorded.name);
+  if (calibrated == nullptr) {
+    return make_error(ErrorCode::kNotFound, where,
+                      "camera \"{}\" has no calibration in the calibration.toml of the recording",
+                      recorded.name);
+  }
+  const CameraModel& lens = calibrated->model;
+  if (lens.width() != recorded.width || lens.height() != recorded.height) {
+    return make_error(ErrorCode::kInvalidInput, where,
+                      "camera \"{}\" was recorded at {}x{}, but its calibration is for {}x{}",
+                      recorded.name, recorded.width, recorded.height, lens.width(), lens.height());
+  }
+  return CameraConfig{.name = recorded.name,
+                      .recording = folder,
+                      .recorded_as = recorded.name,
+                      .loop = false,
+                      .calibration = *calibrated,
+                      .overlay = {},
+                      .where = where};
+}
+
+}  // namespace
+
+InstallationFiles InstallationFiles::on_disk() {
+  InstallationFiles files;
+  files.calibration = &read_calibration;
+  files.object = &read_object_file;
+  files.recording = &recorded_cameras;
+  files.is_file = &file_exists;
+  files.is_directory = &directory_exists;
+  files.content = &content_of;
+  return files;
+}
+
+Result<Installation> read_installation(const fs::path& path) {
+  SL_ASSIGN(const std::string text, read_file(path, kLargestText));
+  return parse_installation(text, path, InstallationFiles::on_disk());
+}
+
+Result<Installation> recording_installation(const fs::path& folder) {
+  SL_ASSIGN(const RecordingManifest manifest, read_manifest(folder));
+  Installation installation;
+  installation.file = folder;
+  installation.name = manifest.name;
+  installation.calibration = folder / "calibration.toml";
+  SL_ASSIGN(const auto calibration, read_calibration(installation.calibration));
+  for (const auto& recorded : manifest.cameras) {
+    SL_ASSIGN(CameraConfig camera, camera_of(recorded, folder, calibration));
+    installation.cameras.push_back(std::move(camera));
+  }
+  for (const std::string& file : manifest.objects) {
+    const fs::path path = folder / file;
+    SL_ASSIGN(ObjectDescription object, read_object_file(path));
+    const bool known = std::any_of(
+        installation.objects.begin(), installation.objects.end(),
+        [&](const ObjectConfig& other) { return other.description.name == object.name; });
+    if (known) {
+      return make_error(ErrorCode::kInvalidInput, path.string(),
+                        "the recording has two objects named \"{}\"", object.name);
+    }
+    const uint64_t content = content_of(path) * 31 + content_of(object.mesh);
+    installation.objects.push_back({std::move(object), content, path.string()});
+  }
+  if (manifest.scene) {
+    installation.scene.meshes = {folder / *manifest.scene};
+    installation.scene.content = content_of(installation.scene.meshes[0]);
+  }
+  installation.rtsp.enabled = installation.http.enabled = installation.record.enabled = false;
+  return installation;
+}
+
+}  // namespace sightline

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "section_reader.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <set>
+
+namespace sightline::config {
+namespace {
+
+std::optional<Rgb> parse_color(std::string_view text) {
+  if (text.size() != 7 || text[0] != '#') return std::nullopt;
+  uint32_t value = 0;
+  const auto [end, error] = std::from_chars(text.data() + 1, text.data() + 7, value, 16);
+  if (error != std::errc() || end != text.data() + 7) return std::nullopt;
+  return Rgb{static_cast<uint8_t>(value >> 16), static_cast<uint8_t>(value >> 8 & 0xff),
+             static_cast<uint8_t>(value & 0xff)};
+}
+
+// Switches with a key of their own, because they are not marks but occasions to draw.
+bool has_own_key(std::string_view style) { return style == "last_seen" || style == "status"; }
+
+bool is_element_name(const std::string& name) {
+  return !name.empty() && name.size() <= 64 && std::all_of(name.begin(), name.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' ||
+           c == '_';
+  });
+}
+
+}  // namespace
+
+void SectionReader::file(std::string_view key, std::filesystem::path& field) {
+  const auto value = table_.text(key);
+  if (!value) return;
+  field = resolve(file_, value->text);
+  if (!files_.is_file(field)) {
+    table_.problem(key, fmt::format("there is no file {}", field.string()), ErrorCode::kNotFound);
+  }
+}
+
+void SectionReader::directory(std::string_view key, std::filesystem::path& field) {
+  const auto value = table_.text(key);
+  if (!value) return;
+  field = resolve(file_, value->text);
+  if (!files_.is_directory(field)) {
+    table_.problem(key, fmt::format("there is no folder {}: make it first", field.string()),
+                   ErrorCode::kNotFound);
+  }
+}
+
+void SectionReader::color(std::string_view key, Rgb& field) {
+  const auto value = table_.text(key);
+  if (!value) return;
+  if (const auto color = parse_color(value->text)) {
+    field = *color;
+  } else {
+    table_.problem(key, fmt::format("expected a colour as \"#rrggbb\", found \"{}\"", value->text));
+  }
+}
+
+void SectionReader::styles(std::string_view key, OverlayStyle& style) {
+  const auto names = table_.texts(key);
+  if (!names) return;
+  std::vector<std::string> known;
+  for (const std::string_view name : style_names()) {
+    if (has_own_key(name)) continue;
+    known.emplace_back(name);
+    *style_flag(style, name) = false;
+  }
+  for (const PlacedText& name : *names) {
+    if (std::find(known.begin(), known.end(), name.text) != known.end()) {
+      *style_flag(style, name.text) = true;
+    } else if (has_own_key(name.text)) {
+      table_.problem(key, fmt::format("\"{0}\" is a key of its own: {0} = true", name.text));
+    } else {
+      table_.problem(key,
+                     fmt::format("\"{}\" is no style{}", name.text, suggestion(name.text, known)));
+    }
+  }
+}
+
+void SectionReader::encoders(std::string_view key, std::vector<std::string>& field) {
+  const auto names = table_.texts(key);
+  if (!names) return;
+  field.clear();
+  for (const PlacedText& name : *names) {
+    if (name.text == "auto") {
+      if (names->size() > 1)
+        table_.problem(key, "\"auto\" stands alone: it tries all that are known");
+      field.clear();
+      return;
+    }
+    if (!is_element_name(name.text)) {
+      table_.problem(key, fmt::format("\"{}\" is no name of a GStreamer element", name.text));
+    }
+    field.push_back(name.text);
+  }
+}
+
+}  // namespace sightline::config

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "names.hpp"
+#include "sections.hpp"
+#include "toml_reader.hpp"
+
+namespace sightline::config {
+
+/// Fills the fields of a section (sections.hpp) from a table. Absent keys leave them as they are.
+class SectionReader {
+ public:
+  /// Paths start at the folder of `file`.
+  SectionReader(TomlTable& table, const std::filesystem::path& file, const InstallationFiles& files)
+      : table_(table), file_(file), files_(files) {}
+
+  void flag(std::string_view key, bool& field) { field = table_.flag(key).value_or(field); }
+
+  template <typename Field>
+  void integer(std::string_view key, Field& field, int64_t low, int64_t high,
+               std::string_view unit) {
+    if (const auto value = table_.integer(key, low, high, unit)) field = static_cast<Field>(*value);
+  }
+
+  template <typename Field>
+  void number(std::string_view key, Field& field, double low, double high, std::string_view unit) {
+    if (const auto value = table_.number(key, low, high, unit)) field = static_cast<Field>(*value);
+  }
+
+  template <size_t kCount>
+  void number_of(std::string_view key, double& field, const std::array<double, kCount>& allowed) {
+    const auto value = table_.number(key, 0, 1, "a number");
+    if (!value) return;
+    for (const double candidate : allowed) {
+      if (*value == candidate) {
+        field = candidate;
+        return;
+      }
+    }
+    std::string list;
+    for (const double candidate : allowed) list += fmt::format(" {}", candidate);
+    table_.problem(key, fmt::format("expected one of{}, found {}", list, *value));
+  }
+
+  void text(std::string_view key, std::string& field) {
+    if (const auto value = table_.text(key)) field = value->text;
+  }
+
+  void file(std::string_view key, std::filesystem::path& field);
+  void directory(std::string_view key, std::filesystem::path& field);
+
+  template <typename Value, size_t kCount>
+  void choice(std::string_view key, Value& field, const Choices<Value, kCount>& choices) {
+    const auto value = table_.text(key);
+    if (!value) return;
+    std::vector<std::string> names;
+    for (const auto& [name, meaning] : choices) {
+      if (name == value->text) {
+        field = meaning;
+        return;
+      }
+      names.emplace_back(name);
+    }
+    table_.problem(
+        key, fmt::format("\"{}\" is not known{}", value->text, suggestion(value->text, names)));
+  }
+
+  void color(std::string_view key, Rgb& field);
+  void styles(std::string_view key, OverlayStyle& style);
+  void encoders(std::string_view key, std::vector<std::string>& field);
+
+ private:
+  TomlTable& table_;
+  const std::filesystem::path& file_;
+  const InstallationFiles& files_;
+};
+
+}  // namespace sightline::config

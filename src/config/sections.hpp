@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <string_view>
+#include <utility>
+
+#include "sightline/config/installation.hpp"
+
+namespace sightline::config {
+
+// The keys of each section, once: the reader fills the fields from a table, the printer writes them
+// down so that compare() sees every key that exists. Numbers carry range and unit for messages.
+
+template <typename Value, size_t kCount>
+using Choices = std::array<std::pair<std::string_view, Value>, kCount>;
+
+inline constexpr Choices<CameraRole, 3> kRoles{{{"observe+stream", CameraRole::kObserveAndStream},
+                                                {"observe", CameraRole::kObserve},
+                                                {"stream", CameraRole::kStream}}};
+inline constexpr Choices<log::Level, 4> kLogLevels{{{"debug", log::Level::kDebug},
+                                                    {"info", log::Level::kInfo},
+                                                    {"warning", log::Level::kWarning},
+                                                    {"error", log::Level::kError}}};
+inline constexpr Choices<RawStorage, 2> kRawStorages{
+    {{"raw", RawStorage::kRaw}, {"ffv1", RawStorage::kFfv1}}};
+
+template <typename Visitor>
+void visit(Visitor& v, OverlayStyle& s) {
+  v.styles("styles", s);
+  v.flag("last_seen", s.last_seen);
+  v.flag("status", s.status);
+  v.color("color", s.color);
+  v.color("degraded_color", s.degraded_color);
+  v.color("coasting_color", s.coasting_color);
+  v.color("hidden_color", s.xray_color);
+  v.color("last_seen_color", s.last_seen_color);
+  v.number("fill_opacity", s.fill_opacity, 0, 1, "a share (0 invisible, 1 opaque)");
+  v.number("outline_width_px", s.outline_px, 2, 4, "a width in pixels");
+  v.number("line_width_px", s.line_px, 2, 8, "a width in pixels");
+  v.integer("font_px", s.font_px, 8, 64, "a whole number of pixels");
+  v.number("trail_seconds", s.trail_seconds, 0, 3, "a time in seconds");
+}
+
+/// The part of [overlay] that cannot differ from camera to camera.
+template <typename Visitor>
+void visit(Visitor& v, RenderOptions& s) {
+  v.file("font_file", s.font_file);
+  v.number("depth_tolerance", s.depth_tolerance, 0, 0.5, "a share of the range");
+}
+
+template <typename Visitor>
+void visit(Visitor& v, FiducialOptions& s) {
+  v.number_of("search_scale", s.search_scale, std::array{1.0, 0.5, 0.25});
+  v.number("min_side_px", s.min_side_px, 4, 1000, "a length in pixels");
+  v.integer("full_search_interval", s.full_search_interval, 1, 1000, "a whole number of frames");
+}
+
+template <typename Visitor>
+void visit(Visitor& v, EstimatorOptions& s) {
+  v.number("noise_linear", s.noise.linear, 1e-3, 1000, "an acceleration noise in m/s^2/sqrt(Hz)");
+  v.number("noise_angular", s.noise.angular, 1e-3, 1000,
+           "an acceleration noise in rad/s^2/sqrt(Hz)");
+  v.number("gate_probability", s.gate_probability, 0.9, 0.999999, "a probability");
+  v.flag("one_camera_is_degraded", s.one_camera_is_degraded);
+  v.number("max_sigma_m", s.max_sigma_translation, 1e-5, 1, "a length in metres");
+  v.number("max_sigma_rad", s.max_sigma_rotation, 1e-4, 1, "an angle in radians");
+}
+
+template <typename Visitor>
+void visit(Visitor& v, RtspConfig& s) {
+  v.flag("enabled", s.enabled);
+  v.text("address", s.server.address);
+  v.integer("port", s.server.port, 1, 65535, "a port number");
+  v.integer("max_clients", s.server.max_clients, 1, 10000, "a whole number of viewers");
+}
+
+template <typename Visitor>
+void visit(Visitor& v, EncoderOptions& s) {
+  v.integer("bitrate_kbps", s.bitrate_kbps, 0, 200000, "a bit rate in kbit/s (0: by picture size)");
+  v.integer("keyframe_interval", s.keyframe_interval, 1, 10000, "a whole number of frames");
+  v.encoders("prefer", s.prefer);
+}
+
+template <typename Visitor>
+void visit(Visitor& v, HttpConfig& s) {
+  v.flag("enabled", s.enabled);
+  v.text("address", s.server.address);
+  v.integer("port", s.server.port, 1, 65535, "a port number");
+  v.flag("allow_remote", s.server.allow_remote);
+}
+
+template <typename Visitor>
+void visit(Visitor& v, RecordConfig& s) {
+  v.flag("enabled", s.enabled);
+  v.directory("directory", s.directory);
+  v.flag("overlay", s.overlay);
+  v.choice("storage", s.raw_storage, kRawStorages);
+}
+
+template <typename Visitor>
+void visit(Visitor& v, DaemonConfig& s) {
+  v.choice("log_level", s.log_level, kLogLevels);
+}
+
+}  // namespace sightline::config
