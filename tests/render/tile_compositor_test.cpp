@@ -1,0 +1,233 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tile_compositor.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "sightline/base/cpu.hpp"
+#include "test_pictures.hpp"
+
+namespace sightline {
+namespace {
+
+using test::GreyPicture;
+
+constexpr Yuv kGreen{145, 54, 34};
+constexpr Yuv kViolet{120, 190, 170};
+
+/// A disc of constant depth and shade.
+RasterTile disc(const TileRect& rect, float center_x, float center_y, float radius) {
+  RasterTile tile;
+  tile.reset(rect);
+  for (int y = 0; y < rect.height; ++y) {
+    for (int x = 0; x < rect.width; ++x) {
+      const float dx = static_cast<float>(rect.x + x) - center_x;
+      const float dy = static_cast<float>(rect.y + y) - center_y;
+      if (dx * dx + dy * dy > radius * radius) continue;
+      tile.inverse_depth(y)[x] = 0.5f;
+      tile.shade(y)[x] = 200;
+    }
+  }
+  return tile;
+}
+
+TilePaint paint(float fill, float outline) {
+  TilePaint result;
+  result.color = kGreen;
+  result.xray_color = kViolet;
+  result.fill_opacity = fill;
+  result.outline_px = outline;
+  return result;
+}
+
+TEST(TileCompositor, OpaqueFillIsTheMaskExactly) {
+  const RasterTile tile = disc({20, 10, 64, 60}, 52, 40, 24.3f);
+  TileCompositor compositor(160, 120);
+  const TileCoverage coverage = compositor.classify(tile, nullptr, 1.01f);
+  EXPECT_EQ(coverage.bounds, (TileRect{28, 16, 49, 49}));
+  EXPECT_FALSE(coverage.hidden);
+  GreyPicture picture(160, 120, 0);
+  blend_tile(compositor.compose(tile, paint(1, 0)), picture.mutable_view());
+  test::for_each_luma(picture.view(), [&](int x, int y, int luma) {
+    const bool covered =
+        tile.rect().contains(x, y) && tile.inverse_depth(y - tile.rect().y)[x - tile.rect().x] > 0;
+    EXPECT_EQ(luma != 0, covered) << x << "," << y;
+  });
+}
+
+TEST(TileCompositor, OutlineFollowsTheEdgeWithADarkHalo) {
+  const RasterTile tile = disc({20, 10, 64, 60}, 52, 40, 24.3f);
+  TileCompositor compositor(160, 120);
+  compositor.classify(tile, nullptr, 1.01f);
+  GreyPicture picture(160, 120, 200);
+  blend_tile(compositor.compose(tile, paint(0, 2)), picture.mutable_view());
+  double weight = 0;
+  double moment = 0;
+  int halo = 0;
+  test::for_each_luma(picture.view(), [&](int x, int y, int luma) {
+    const double r = std::hypot(x - 52, y - 40);
+    if (luma == 200) return;
+    EXPECT_NEAR(r, 24.8, 4.3);
+    if (luma < 120) {
+      ++halo;
+      EXPECT_GT(r, 24.8);
+    }
+    const int v = picture.view().v.row(y / 2)[x / 2];
+    weight += 128 - v;
+    moment += r * (128 - v);
+  });
+  EXPECT_GT(halo, 50);
+  // The disc's edge lies half a pixel outside its last covered pixel centres.
+  EXPECT_NEAR(moment / weight, 24.5, 0.7);
+}
+
+TEST(TileCompositor, NoOutlineAlongTheBorderOfThePicture) {
+  for (const auto& [width, height] : {std::pair{100, 80}, std::pair{101, 81}}) {
+    const TileRect rect{60, 40, ((width + 1) & ~1) - 60, ((height + 1) & ~1) - 40};
+    RasterTile tile = disc(rect, 100, 80, 30);
+    if (width % 2 == 1) {
+      for (int y = 0; y < rect.height; ++y) tile.inverse_depth(y)[rect.width - 1] = 0;
+    }
+    if (height % 2 == 1) {
+      for (int x = 0; x < rect.width; ++x) tile.inverse_depth(rect.height - 1)[x] = 0;
+    }
+    TileCompositor compositor(width, height);
+    compositor.classify(tile, nullptr, 1.01f);
+    GreyPicture picture(width, height, 200);
+    blend_tile(compositor.compose(tile, paint(0, 2)), picture.mutable_view());
+    for (int y = 60; y < height; ++y) EXPECT_EQ(picture.view().y.row(y)[width - 1], 200) << y;
+    for (int x = 80; x < width; ++x) EXPECT_EQ(picture.view().y.row(height - 1)[x], 200) << x;
+  }
+}
+
+TEST(TileCompositor, DashedOutlineHasGaps) {
+  const RasterTile tile = disc({20, 10, 64, 60}, 52, 40, 24.3f);
+  TileCompositor compositor(160, 120);
+  compositor.classify(tile, nullptr, 1.01f);
+  TilePaint dashed = paint(0, 2);
+  dashed.dashed = true;
+  GreyPicture picture(160, 120, 16);
+  blend_tile(compositor.compose(tile, dashed), picture.mutable_view());
+  int changes = 0;
+  bool before = false;
+  for (int i = 0; i <= 720; ++i) {
+    const double angle = i * 3.14159265 / 360;
+    const int x = static_cast<int>(std::lround(52 + 24.5 * std::cos(angle)));
+    const int y = static_cast<int>(std::lround(40 + 24.5 * std::sin(angle)));
+    const bool on = picture.view().y.row(y)[x] > 60;
+    changes += i > 0 && on != before ? 1 : 0;
+    before = on;
+  }
+  EXPECT_GE(changes, 16);
+  EXPECT_LE(changes, 40);
+}
+
+TEST(TileCompositor, AnEmptyTilePaintsNothing) {
+  TileCompositor compositor(160, 120);
+  RasterTile tile;
+  tile.reset({0, 0, 32, 32});
+  EXPECT_TRUE(compositor.classify(tile, nullptr, 1).bounds.empty());
+  EXPECT_EQ(compositor.compose(tile, paint(1, 2)).luma.width, 0);
+  tile.reset({});
+  EXPECT_TRUE(compositor.classify(tile, nullptr, 1).bounds.empty());
+}
+
+/// Random inputs through both builds of the kernels.
+TEST(TileKernels, ScalarAndAvx2AreBitIdentical) {
+#ifndef SIGHTLINE_X86_64
+  GTEST_SKIP() << "not an x86-64 build";
+#else
+  if (!cpu_has_avx2()) GTEST_SKIP() << "no AVX2 here";
+  const tile::Kernels& a = tile::kScalarKernels;
+  const tile::Kernels& b = tile::kAvx2Kernels;
+  std::mt19937 random(7);
+  const auto bytes = [&](size_t n, int most) {
+    std::vector<uint8_t> v(n);
+    for (uint8_t& x : v) x = static_cast<uint8_t>(random() % static_cast<unsigned>(most + 1));
+    return v;
+  };
+  const auto binary = [&](size_t n) {
+    std::vector<uint8_t> v = bytes(n, 1);
+    for (uint8_t& x : v) x = x != 0 ? 255 : 0;
+    return v;
+  };
+  for (const size_t n : {size_t{2}, size_t{15}, size_t{64}, size_t{333}}) {
+    const int count = static_cast<int>(n);
+    std::vector<float> object(n), scene(n);
+    for (size_t i = 0; i < n; ++i) {
+      object[i] = random() % 3 == 0 ? 0 : static_cast<float>(random() % 1000) * 0.01f;
+      scene[i] = static_cast<float>(random() % 1000) * 0.01f;
+    }
+    std::vector<uint8_t> out[2][4];
+    for (auto& set : out) {
+      for (auto& plane : set) plane.assign(n, 9);
+    }
+    for (int k = 0; k < 2; ++k) {
+      (k == 0 ? a : b)
+          .classify(object.data(), scene.data(), 1.013f, out[k][0].data(), out[k][1].data(),
+                    out[k][2].data(), count);
+    }
+    EXPECT_EQ(out[0][0], out[1][0]);
+    EXPECT_EQ(out[0][1], out[1][1]);
+    EXPECT_EQ(out[0][2], out[1][2]);
+    for (int k = 0; k < 2; ++k) {
+      (k == 0 ? a : b).dash(-17.5f, 3.5f, 21, out[k][0].data(), count);
+    }
+    EXPECT_EQ(out[0][0], out[1][0]);
+
+    const auto rows = binary(7 * n);
+    std::array<const uint8_t*, 7> pointers;
+    for (size_t r = 0; r < 7; ++r) pointers[r] = rows.data() + r * n;
+    std::vector<uint16_t> sums[2];
+    for (int k = 0; k < 2; ++k) {
+      sums[k].assign(n + 6, 0);
+      (k == 0 ? a : b).blur_down(pointers, sums[k].data() + 3, count);
+      (k == 0 ? a : b).blur_along(sums[k].data(), out[k][0].data(), count);
+    }
+    EXPECT_EQ(sums[0], sums[1]);
+    EXPECT_EQ(out[0][0], out[1][0]);
+
+    const auto mask = binary(n), hidden = binary(n), dash = binary(n);
+    const auto blurred = bytes(n, tile::kInside), blurred_hidden = bytes(n, tile::kInside);
+    const auto shade = bytes(n, 255), hatch = bytes(n, 255);
+    tile::Look look;
+    look.luma = 190;
+    look.xray_luma = 120;
+    look.fill_alpha = 77;
+    look.outline = {26, 72};
+    look.halo = {1, 270};
+    for (int k = 0; k < 2; ++k) {
+      (k == 0 ? a : b)
+          .compose(look,
+                   {mask.data(), hidden.data(), blurred.data(), blurred_hidden.data(), shade.data(),
+                    dash.data(), hatch.data()},
+                   {out[k][0].data(), out[k][1].data(), out[k][2].data(), out[k][3].data()}, count);
+    }
+    for (int plane = 0; plane < 4; ++plane) EXPECT_EQ(out[0][plane], out[1][plane]) << plane;
+    // Premultiplied: colour never exceeds alpha, inks share the alpha.
+    for (size_t i = 0; i < n; ++i) {
+      EXPECT_LE(out[0][0][i], out[0][1][i] + 1);
+      EXPECT_LE(out[0][2][i] + out[0][3][i], out[0][1][i]);
+    }
+    tile::ChromaIn chroma{{out[0][1].data(), out[0][1].data()},
+                          {out[0][2].data(), out[0][2].data()},
+                          {out[0][3].data(), out[0][3].data()},
+                          54,
+                          34,
+                          190,
+                          170};
+    std::vector<uint8_t> uva[2][3];
+    for (int k = 0; k < 2; ++k) {
+      for (auto& plane : uva[k]) plane.assign(n / 2, 0);
+      (k == 0 ? a : b)
+          .chroma(chroma, uva[k][0].data(), uva[k][1].data(), uva[k][2].data(), count / 2);
+    }
+    for (int plane = 0; plane < 3; ++plane) EXPECT_EQ(uva[0][plane], uva[1][plane]);
+  }
+#endif
+}
+
+}  // namespace
+}  // namespace sightline
