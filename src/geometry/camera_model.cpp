@@ -15,6 +15,8 @@ namespace {
 /// Normalised radius searched for a fold: 89.99 degrees off the axis. A pinhole lens that grows up
 /// to here is taken to grow for ever.
 constexpr double kPinholeLimit = 1e4;
+/// Rays are made up to this part of the fold-over radius.
+constexpr double kInsideFold = 1 - 1e-9;
 
 RadialProfile radial_profile(const CameraModel::Parameters& p) {
   const std::array<double, 8>& k = p.distortion;
@@ -111,7 +113,10 @@ std::optional<Eigen::Vector2d> undistort(const CameraModel::Parameters& p, doubl
     Eigen::Matrix2d j;
     const Eigen::Vector2d error = distort(p, m, &j) - target;
     const double error_px = std::max(std::abs(error.x()) * p.fx, std::abs(error.y()) * p.fy);
-    if (error_px < tolerance_px) return m;
+    if (error_px < tolerance_px) {
+      // At the fold itself rounding would decide whether the ray projects back.
+      return m.norm() < max_radius * kInsideFold ? std::optional(m) : std::nullopt;
+    }
     if (!(std::abs(j.determinant()) > 1e-12)) return std::nullopt;
     m -= j.inverse() * error;
     const double r = m.norm();
@@ -205,6 +210,7 @@ std::optional<Eigen::Vector3d> CameraModel::unproject(const Eigen::Vector2d& pix
   const double angle = invert_profile(profile, theta_d, max_valid_radius_);
   const double error = std::abs(profile.distorted(angle) - theta_d);
   if (!(error * std::max(p.fx, p.fy) < 1e-8)) return std::nullopt;
+  if (!(angle < max_valid_radius_ * kInsideFold)) return std::nullopt;
   const Eigen::Vector2d across = target * (std::sin(angle) / theta_d);
   return Eigen::Vector3d(across.x(), across.y(), std::cos(angle));
 }

@@ -25,8 +25,9 @@ namespace sightline {
 ///     world_from_camera = [[..], [..], [..], [..]]  # 4x4 row-major, or 16 numbers [m]
 ///     rvec = [..], tvec = [..]           # or these: OpenCV's, that is camera_from_world [rad, m]
 ///     rms_px = 0.37                      # optional, of the calibration
-///     date = 2024-05-31                  # optional, TOML date, date-time or text
-///     [camera.sigmas]                    # optional: one standard deviation per parameter
+///     date = 2024-05-31                  # optional, TOML date, date-time or text; not kept
+///     [camera.sigmas]                    # optional, checked but not kept: fx, fy, cx, cy,
+///                                        # distortion, rotation [rad], translation [m]
 ///     fx = 0.4
 ///
 /// Unknown keys, wrong types, duplicates, missing keys and matrices that are no rotation are
@@ -37,7 +38,7 @@ Result<std::vector<CalibratedCamera>> read_calibration(const std::filesystem::pa
 Result<std::vector<CalibratedCamera>> parse_calibration(std::string_view text,
                                                         const std::string& where);
 
-/// Text that parse_calibration() reads back to the same cameras, to the last digit.
+/// Text that parse_calibration() reads back to the same cameras (poses to 1e-15).
 std::string format_calibration(const std::vector<CalibratedCamera>& cameras);
 
 /// Replaces the file so that a crash leaves the old one or the new one.

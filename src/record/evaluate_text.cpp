@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <nlohmann/json.hpp>
+
+#include "sightline/record/evaluate.hpp"
+
+namespace sightline {
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr std::array kStates = {TrackState::kSearching, TrackState::kTracking,
+                                TrackState::kDegraded, TrackState::kCoasting, TrackState::kLost};
+
+std::string error_line(const std::string& name, const ErrorSummary& e) {
+  return fmt::format("  {:<10} {:>6} {:>9.3f} {:>9.3f} {:>9.3f} {:>9.3f} {:>9.3f} {:>9.3f}\n", name,
+                     e.count, e.median_mm, e.p95_mm, e.max_mm, e.median_deg, e.p95_deg, e.max_deg);
+}
+
+ordered_json to_json(const ErrorSummary& e) {
+  return {{"count", e.count},    {"median_mm", e.median_mm},   {"p95_mm", e.p95_mm},
+          {"max_mm", e.max_mm},  {"median_deg", e.median_deg}, {"p95_deg", e.p95_deg},
+          {"max_deg", e.max_deg}};
+}
+
+ordered_json to_json(const ObjectEvaluation& object) {
+  ordered_json states = ordered_json::object(), rows = ordered_json::object();
+  for (const TrackState state : kStates) {
+    const std::string name(to_string(state));
+    rows[name] = object.state_rows[static_cast<size_t>(state)];
+    const auto found = object.by_state.find(state);
+    if (found != object.by_state.end()) states[name] = to_json(found->second);
+  }
+  ordered_json wrong = ordered_json::array();
+  for (const Time time : object.wrong_claims) wrong.push_back(to_ns(time));
+  return {{"object", object.object},
+          {"rows", object.rows},
+          {"state_rows", rows},
+          {"errors", to_json(object.all)},
+          {"errors_by_state", states},
+          {"outside_truth", object.outside_truth},
+          {"wrong_claims", object.wrong_claims.size()},
+          {"wrong_claim_times_ns", wrong},
+          {"truth_times", object.truth_times},
+          {"covered", object.covered},
+          {"coverage", object.coverage()}};
+}
+
+}  // namespace
+
+std::string to_text(const Evaluation& evaluation) {
+  std::string text;
+  for (const auto& object : evaluation.objects) {
+    text += fmt::format("object {}: {} rows, {} with a pose and truth\n", object.object,
+                        object.rows, object.all.count);
+    text +=
+        fmt::format("  {:<10} {:>6} {:>29} {:>29}\n", "", "", "translation [mm]", "rotation [deg]");
+    text += fmt::format("  {:<10} {:>6} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9}\n", "state", "rows",
+                        "median", "p95", "max", "median", "p95", "max");
+    text += error_line("all", object.all);
+    for (const auto& [state, errors] : object.by_state) {
+      text += error_line(std::string(to_string(state)), errors);
+    }
+    for (const TrackState state : {TrackState::kSearching, TrackState::kLost}) {
+      text += fmt::format("  {:<10} {:>6}\n", std::string(to_string(state)),
+                          object.state_rows[static_cast<size_t>(state)]);
+    }
+    text += fmt::format("  wrong claims {}, outside the truth {}, coverage {:.1f} % ({} of {})\n",
+                        object.wrong_claims.size(), object.outside_truth, 100.0 * object.coverage(),
+                        object.covered, object.truth_times);
+  }
+  for (const auto& name : evaluation.without_truth) {
+    text += fmt::format("object {}: no truth\n", name);
+  }
+  return text;
+}
+
+std::string to_json(const Evaluation& evaluation) {
+  ordered_json objects = ordered_json::array();
+  for (const auto& object : evaluation.objects) objects.push_back(to_json(object));
+  return ordered_json{{"objects", objects}, {"without_truth", evaluation.without_truth}}.dump(2) +
+         "\n";
+}
+
+}  // namespace sightline

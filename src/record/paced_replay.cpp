@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <condition_variable>
+#include <limits>
+#include <mutex>
+
+#include "replay_camera.hpp"
+#include "sightline/record/replay.hpp"
+
+namespace sightline {
+namespace {
+
+constexpr Duration kDefaultPeriod = std::chrono::milliseconds(33);
+
+class PacedReplay final : public FrameSource {
+ public:
+  PacedReplay(std::unique_ptr<ReplayCamera> camera, CameraId id,
+              std::shared_ptr<const ReplayClock> clock, const PacedReplayOptions& options)
+      : camera_(std::move(camera)), clock_(std::move(clock)), options_(options) {
+    const RecordedCamera& from = camera_->camera();
+    const double period = to_seconds(from.frame_period());
+    info_ = {id, from.name, from.width, from.height, period > 0 ? 1.0 / period : 0.0};
+  }
+
+  const SourceInfo& info() const override { return info_; }
+
+  Result<SourceStep> next(std::stop_token stop, Duration timeout) override {
+    const Time give_up = MonotonicClock::now() + timeout;
+    SL_RETURN_IF_ERROR(wrap());
+    SL_RETURN_IF_ERROR(drop_late());
+    const RecordedRow* row = camera_->row();
+    if (!row) return SourceStep{SourceStep::Kind::kEnd, nullptr};
+    const Time due = clock_->at(row->arrival, loop_);
+    if (!wait_until(stop, std::min(due, give_up)) || due > give_up) {
+      return SourceStep{SourceStep::Kind::kTimeout, nullptr};
+    }
+    RecordedRow stamp = stamp_of(*row);
+    SL_ASSIGN(FramePtr frame, camera_->take(stamp));
+    dropped_ = 0;
+    return SourceStep{SourceStep::Kind::kFrame, std::move(frame)};
+  }
+
+ private:
+  /// Starts the next turn at the end of this one.
+  Status wrap() {
+    if (camera_->row() || !options_.loop || camera_->camera().rows.empty()) return {};
+    ++loop_;
+    return camera_->rewind();
+  }
+
+  /// Leaves out whole turns that are over, without decoding them.
+  void leave_out_turns(Time now) {
+    const RecordedRow* row = camera_->row();
+    if (!row || !options_.loop) return;
+    const Duration late = now - options_.max_late - clock_->at(row->arrival, loop_);
+    if (late < clock_->loop_period()) return;
+    const auto turns = static_cast<uint64_t>(late / clock_->loop_period());
+    loop_ += turns;
+    dropped_ += turns * camera_->camera().rows.size();
+  }
+
+  /// Passes over frames that are too late, up to the last one of a turn: a slow reader gets fresh
+  /// frames and a count, never a growing delay.
+  Status drop_late() {
+    const Time now = MonotonicClock::now();
+    leave_out_turns(now);
+    const Time oldest = now - options_.max_late;
+    while (const RecordedRow* row = camera_->row()) {
+      if (clock_->at(row->arrival, loop_) >= oldest) return {};
+      const bool last = row == &camera_->camera().rows.back();
+      if (last && !options_.loop) return {};
+      dropped_ += row->dropped_before + 1;
+      SL_RETURN_IF_ERROR(camera_->skip());
+      if (last) SL_RETURN_IF_ERROR(wrap());
+    }
+    return {};
+  }
+
+  RecordedRow stamp_of(const RecordedRow& row) const {
+    const auto& rows = camera_->camera().rows;
+    const uint64_t turn = rows.back().sequence - rows.front().sequence + 1;
+    RecordedRow stamp = row;
+    stamp.sequence = row.sequence + loop_ * turn;
+    stamp.capture = clock_->at(row.capture, loop_);
+    stamp.arrival = std::max(MonotonicClock::now(), clock_->at(row.arrival, loop_));
+    const uint64_t dropped = dropped_ + row.dropped_before;
+    stamp.dropped_before =
+        static_cast<uint32_t>(std::min<uint64_t>(dropped, std::numeric_limits<uint32_t>::max()));
+    return stamp;
+  }
+
+  /// True once `time` has come, false on stop.
+  bool wait_until(std::stop_token stop, Time time) {
+    std::unique_lock lock(mutex_);
+    for (;;) {
+      if (stop.stop_requested()) return false;
+      const Duration left = time - MonotonicClock::now();
+      if (left <= Duration::zero()) return true;
+      wake_.wait_for(lock, stop, left, [] { return false; });
+    }
+  }
+
+  std::unique_ptr<ReplayCamera> camera_;
+  std::shared_ptr<const ReplayClock> clock_;
+  const PacedReplayOptions options_;
+  SourceInfo info_;
+  uint64_t loop_ = 0;
+  uint64_t dropped_ = 0;  ///< passed over since the last delivered frame
+  std::mutex mutex_;      ///< for wake_ only, which nothing but a stop notifies
+  std::condition_variable_any wake_;
+};
+
+}  // namespace
+
+ReplayClock::ReplayClock(const Recording& recording, Time start)
+    : start_(start), first_capture_(recording.first_capture()) {
+  for (const auto& camera : recording.cameras) {
+    if (camera.rows.empty()) continue;
+    const Duration step = std::max(camera.frame_period(), Duration{1});
+    const Duration period = camera.rows.size() > 1 ? step : kDefaultPeriod;
+    loop_period_ = std::max(loop_period_, camera.rows.back().capture + period - first_capture_);
+  }
+}
+
+Time ReplayClock::at(Time recorded, uint64_t loop) const {
+  return start_ + (recorded - first_capture_) + loop_period_ * static_cast<int64_t>(loop);
+}
+
+Result<std::unique_ptr<FrameSource>> open_paced_replay(std::shared_ptr<const Recording> recording,
+                                                       size_t camera, CameraId id,
+                                                       std::shared_ptr<const ReplayClock> clock,
+                                                       const PacedReplayOptions& options) {
+  const ReplayCameraOptions camera_options{VideoReaderOptions{options.payload},
+                                           options.loop ? options.keep_decoded_bytes : 0};
+  SL_ASSIGN(auto source, ReplayCamera::open(std::move(recording), camera, id, camera_options));
+  return std::unique_ptr<FrameSource>(
+      std::make_unique<PacedReplay>(std::move(source), id, std::move(clock), options));
+}
+
+}  // namespace sightline
