@@ -35,8 +35,8 @@ struct FreeGlibString {
 struct UnrefMainContext {
   void operator()(GMainContext* context) const { g_main_context_unref(context); }
 };
-struct UnrefMainLoop {
-  void operator()(GMainLoop* loop) const { g_main_loop_unref(loop); }
+struct UnrefSource {
+  void operator()(GSource* source) const { g_source_unref(source); }
 };
 struct DestroySource {
   void operator()(GSource* source) const {
@@ -57,7 +57,6 @@ using GstMiniPtr = std::unique_ptr<T, UnrefMiniObject>;
 using GErrorPtr = std::unique_ptr<GError, FreeGError>;
 using GStringPtr = std::unique_ptr<gchar, FreeGlibString>;
 using GMainContextPtr = std::unique_ptr<GMainContext, UnrefMainContext>;
-using GMainLoopPtr = std::unique_ptr<GMainLoop, UnrefMainLoop>;
 using GSourcePtr = std::unique_ptr<GSource, DestroySource>;
 
 /// Text of an optional GError.

@@ -104,6 +104,20 @@ void on_closed(GstRTSPClient* client, gpointer data) {
   for (const auto& stream : state.all_streams()) stream->client_gone(client);
 }
 
+/// Closes a client from the running main context, a moment later: while "client-connected" is
+/// emitted the library has not finished setting it up.
+void close_soon(GstRTSPClient* client) {
+  const std::unique_ptr<GSource, UnrefSource> source(g_idle_source_new());
+  g_source_set_callback(
+      source.get(),
+      [](gpointer data) -> gboolean {
+        gst_rtsp_client_close(GST_RTSP_CLIENT(data));
+        return G_SOURCE_REMOVE;
+      },
+      g_object_ref(client), g_object_unref);
+  g_source_attach(source.get(), g_main_context_get_thread_default());
+}
+
 void on_client(GstRTSPServer*, GstRTSPClient* client, gpointer data) {
   const StatePtr& state = *static_cast<StatePtr*>(data);
   bool refused = false;
@@ -115,7 +129,7 @@ void on_client(GstRTSPServer*, GstRTSPClient* client, gpointer data) {
   if (refused) {
     log::warning("rtsp: a client is refused: {} are connected already (max_clients)",
                  state->options.max_clients);
-    gst_rtsp_client_close(client);
+    close_soon(client);
     return;
   }
   bound_peer(client);
