@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "face_planes.hpp"
 #include "raster_kernels.hpp"
 #include "sightline/base/check.hpp"
 #include "sightline/base/cpu.hpp"
@@ -28,54 +29,24 @@ const Kernels& choose(RasterKernel wanted) {
   return possible && wanted != RasterKernel::kScalar ? *fast : raster::scalar_kernels();
 }
 
+constexpr float kInf = std::numeric_limits<float>::infinity();
+constexpr RayTable::RayBounds kNoRays{kInf, -kInf, kInf, -kInf};
+
+void grow(RayTable::RayBounds& all, const RayTable::RayBounds& b) {
+  if (b.empty()) return;
+  all = {std::min(all.min_x, b.min_x), std::max(all.max_x, b.max_x), std::min(all.min_y, b.min_y),
+         std::max(all.max_y, b.max_y)};
+}
+
 /// Bounds of the rays under a rectangle, rounded out to whole blocks.
 RayTable::RayBounds ray_bounds(const RayTable& rays, const TileRect& rect) {
-  constexpr float kInf = std::numeric_limits<float>::infinity();
-  RayTable::RayBounds all{kInf, -kInf, kInf, -kInf};
   constexpr int kBlock = RayTable::kBlock;
+  RayTable::RayBounds all = kNoRays;
   for (int row = rect.y / kBlock; row <= (rect.y + rect.height - 1) / kBlock; ++row) {
-    for (int column = rect.x / kBlock; column <= (rect.x + rect.width - 1) / kBlock; ++column) {
-      const RayTable::RayBounds& b = rays.block(column, row);
-      if (b.empty()) continue;
-      all = {std::min(all.min_x, b.min_x), std::max(all.max_x, b.max_x),
-             std::min(all.min_y, b.min_y), std::max(all.max_y, b.max_y)};
-    }
+    for (int column = rect.x / kBlock; column <= (rect.x + rect.width - 1) / kBlock; ++column)
+      grow(all, rays.block(column, row));
   }
   return all;
-}
-
-/// Corners of a face in the camera's frame, and the three edge planes through the camera's centre,
-/// turned so that a ray (rx, ry, 1) through the face has a positive product with each.
-struct FacePlanes {
-  std::array<Eigen::Vector3d, 3> corner;
-  std::array<Eigen::Vector3d, 3> edge;
-  Eigen::Vector3d sum;  ///< of the edges; sum . ray / volume = 1 / z
-  double volume = 0;    ///< > 0; zero for a face seen edge-on
-  bool turned = false;  ///< its back is seen
-};
-
-FacePlanes face_planes(const RenderMesh& mesh, const Eigen::Matrix3d& rotation,
-                       const Eigen::Vector3d& translation, uint32_t face) {
-  FacePlanes f;
-  for (size_t k = 0; k < 3; ++k)
-    f.corner[k] = rotation * mesh.vertex(mesh.faces[face][k]) + translation;
-  // A shared edge gives exactly opposite numbers in its two faces, which the tie rule relies on.
-  for (size_t k = 0; k < 3; ++k) f.edge[k] = f.corner[k].cross(f.corner[(k + 1) % 3]);
-  const double volume = f.corner[2].dot(f.edge[0]);
-  f.turned = volume > 0;
-  f.volume = std::abs(volume);
-  if (volume < 0) {
-    for (Eigen::Vector3d& e : f.edge) e = -e;
-  }
-  f.sum = f.edge[0] + f.edge[1] + f.edge[2];
-  return f;
-}
-
-/// A ray exactly on an edge belongs to the face on one side of it.
-bool inside_edge(const Eigen::Vector3d& edge, const Eigen::Vector2d& ray) {
-  const double e = edge.x() * ray.x() + edge.y() * ray.y() + edge.z();
-  if (e != 0) return e > 0;
-  return edge.x() > 0 || (edge.x() == 0 && edge.y() > 0);
 }
 
 }  // namespace
@@ -99,9 +70,9 @@ struct MeshRasterizer::Scratch {
 
   bool decide(uint32_t face, int x, int y);
   void draw_carefully(uint32_t face, const DrawJob& job);
-  Triangle prepare(const FacePlanes& planes, bool near) const;
-  bool careful_box(const RenderMesh& m, uint32_t face, bool clipped, TileRect& box) const;
-  void draw_blocks(const Triangle& triangle, bool near, const TileRect& box) const;
+  bool careful_box(uint32_t face, bool clipped, TileRect& box) const;
+  void draw_blocks(const FacePlanes& planes, bool near, const TileRect& box,
+                   const Triangle& paint) const;
 };
 
 bool MeshRasterizer::Scratch::decide(uint32_t face, int x, int y) {
@@ -111,59 +82,17 @@ bool MeshRasterizer::Scratch::decide(uint32_t face, int x, int y) {
   if (px >= rays->width() || py >= rays->height()) return false;
   const auto ray = rays->exact_ray(px, py);
   if (!ray) return false;
-  const FacePlanes planes = face_planes(*mesh, rotation, translation, face);
-  if (!(planes.volume > 0) || (planes.turned && mesh->cull_back_faces)) return false;
-  for (const Eigen::Vector3d& edge : planes.edge) {
-    if (!inside_edge(edge, *ray)) return false;
-  }
-  const double slope = planes.sum.x() * ray->x() + planes.sum.y() * ray->y() + planes.sum.z();
-  return planes.volume >= kNearPlane * slope;
-}
-
-/// Scales each edge function so that its own rounding bound becomes one.
-Triangle MeshRasterizer::Scratch::prepare(const FacePlanes& planes, bool near) const {
-  Triangle t{};
-  t.origin_x = 0.5f * (bounds.min_x + bounds.max_x);
-  t.origin_y = 0.5f * (bounds.min_y + bounds.max_y);
-  const double reach_x = double{bounds.max_x} - double{bounds.min_x};
-  const double reach_y = double{bounds.max_y} - double{bounds.min_y};
-  const double largest = std::max(std::max(std::abs(bounds.min_x), std::abs(bounds.max_x)),
-                                  std::max(std::abs(bounds.min_y), std::abs(bounds.max_y)));
-  const auto put = [&](size_t k, double a, double b, double c) {
-    const double moved = a * t.origin_x + b * t.origin_y + c;
-    const double error = double{raster::kTermError} *
-                             (std::abs(a) * reach_x + std::abs(b) * reach_y + std::abs(moved)) +
-                         double{raster::kRayError} * largest * (std::abs(a) + std::abs(b));
-    const double scale = error > 0 ? 1 / error : 0;
-    t.a[k] = static_cast<float>(a * scale);
-    t.b[k] = static_cast<float>(b * scale);
-    t.c[k] = static_cast<float>(moved * scale);
-  };
-  for (size_t k = 0; k < 3; ++k) put(k, planes.edge[k].x(), planes.edge[k].y(), planes.edge[k].z());
-  const Eigen::Vector3d slope = planes.sum / planes.volume;
-  put(3, -slope.x(), -slope.y(), 1 / kNearPlane - slope.z());
-  t.epsilon = 1;
-  t.slope_x = static_cast<float>(slope.x());
-  t.slope_y = static_cast<float>(slope.y());
-  t.inverse_z = static_cast<float>(slope.x() * t.origin_x + slope.y() * t.origin_y + slope.z());
-  t.min_inverse_z = std::numeric_limits<float>::max();
-  t.max_inverse_z = near ? static_cast<float>(1 / kNearPlane) : 0.0f;
-  for (const Eigen::Vector3d& corner : planes.corner) {
-    if (corner.z() < kNearPlane) continue;
-    const float inverse = static_cast<float>(1 / corner.z());
-    t.min_inverse_z = std::min(t.min_inverse_z, inverse);
-    t.max_inverse_z = std::max(t.max_inverse_z, inverse);
-  }
-  return t;
+  const FacePlanes planes = make_face_planes(*mesh, rotation, translation, face);
+  if (!planes.valid || (planes.turned && mesh->cull_back_faces)) return false;
+  return planes.hit_by(*ray);
 }
 
 /// Tile pixels that the face can touch. Not `clipped`: all corners are in front and inside the
 /// lens, so the box is that of their pixels grown by how far the lens can bend an edge. Otherwise
 /// the whole tile, unless the face's rays miss it altogether.
-bool MeshRasterizer::Scratch::careful_box(const RenderMesh& m, uint32_t face, bool clipped,
-                                          TileRect& box) const {
+bool MeshRasterizer::Scratch::careful_box(uint32_t face, bool clipped, TileRect& box) const {
   std::array<const ProjectedVertex*, 3> v{};
-  for (size_t k = 0; k < 3; ++k) v[k] = &vertices[m.faces[face][k]];
+  for (size_t k = 0; k < 3; ++k) v[k] = &vertices[mesh->faces[face][k]];
   const auto [x_min, x_max] = std::minmax({v[0]->x, v[1]->x, v[2]->x});
   const auto [y_min, y_max] = std::minmax({v[0]->y, v[1]->y, v[2]->y});
   box = {0, 0, rect.width, rect.height};
@@ -195,56 +124,55 @@ bool MeshRasterizer::Scratch::careful_box(const RenderMesh& m, uint32_t face, bo
   return true;
 }
 
-/// Row of blocks by row of blocks, from the first to the last block that the triangle can touch.
-void MeshRasterizer::Scratch::draw_blocks(const Triangle& t, bool near, const TileRect& box) const {
+/// Row of blocks by row of blocks, from the first to the last block that the face can touch, in
+/// pieces that have an origin of their own: near it float is precise, however steep the face.
+void MeshRasterizer::Scratch::draw_blocks(const FacePlanes& planes, bool near, const TileRect& box,
+                                          const Triangle& paint) const {
   constexpr int kBlock = RayTable::kBlock;
-  const auto misses = [&](const RayTable::RayBounds& b) {
-    if (b.empty()) return true;
-    for (int k = 0; k < (near ? 4 : 3); ++k) {
-      const float dx = (t.a[k] > 0 ? b.max_x : b.min_x) - t.origin_x;
-      const float dy = (t.b[k] > 0 ? b.max_y : b.min_y) - t.origin_y;
-      if (t.a[k] * dx + t.b[k] * dy + t.c[k] < -2 * t.epsilon) return true;
-    }
-    return false;
-  };
+  constexpr int kPiece = 4;
   const int left = rect.x + box.x, right = left + box.width - 1;
   const int top = rect.y + box.y, bottom = top + box.height - 1;
   for (int row = top / kBlock; row <= bottom / kBlock; ++row) {
     int first = left / kBlock;
     int last = right / kBlock;
-    while (first <= last && misses(rays->block(first, row))) ++first;
-    while (last > first && misses(rays->block(last, row))) --last;
-    if (first > last) continue;
-    const int x0 = std::max(first * kBlock, left) - rect.x;
-    const int x1 = std::min(last * kBlock + kBlock - 1, right) - rect.x;
+    while (first <= last && planes.misses(rays->block(first, row), near)) ++first;
+    while (last > first && planes.misses(rays->block(last, row), near)) --last;
     const int y0 = std::max(row * kBlock, top) - rect.y;
     const int y1 = std::min(row * kBlock + kBlock - 1, bottom) - rect.y;
-    (near ? kernels.rows_near : kernels.rows)(target, t, x0, y0, x1, y1);
+    for (int piece = first; piece <= last; piece += kPiece) {
+      const int end = std::min(piece + kPiece - 1, last);
+      RayTable::RayBounds under = kNoRays;
+      for (int column = piece; column <= end; ++column) grow(under, rays->block(column, row));
+      if (under.empty()) continue;
+      Triangle t = make_triangle(planes, under, near);
+      t.shade = paint.shade;
+      t.face = paint.face;
+      t.decide = paint.decide;
+      t.context = paint.context;
+      const int x0 = std::max(piece * kBlock, left) - rect.x;
+      const int x1 = std::min(end * kBlock + kBlock - 1, right) - rect.x;
+      (near ? kernels.rows_near : kernels.rows)(target, t, x0, y0, x1, y1);
+    }
   }
 }
 
-/// Faces that are large in the picture, cut by the near plane, or that reach beyond the lens. The
-/// edge functions of homogeneous rasterisation (Olano and Greer, "Triangle scan conversion using 2D
-/// homogeneous coordinates", 1997) need no clipping: a ray hits the face in front of the camera
-/// exactly if all three are positive.
+/// Faces that are large in the picture, cut by the near plane, or that reach beyond the lens.
 void MeshRasterizer::Scratch::draw_carefully(uint32_t face, const DrawJob& job) {
   uint32_t flags = 0;
   for (const uint32_t v : mesh->faces[face]) flags |= vertices[v].flags;
   TileRect box;
-  if (!careful_box(*mesh, face, flags != 0, box)) return;
-  const FacePlanes planes = face_planes(*mesh, rotation, translation, face);
-  if (!(planes.volume > 0) || (planes.turned && mesh->cull_back_faces)) return;
-  const bool near = (flags & raster::kBehind) != 0;
-  Triangle t = prepare(planes, near);
-  t.face = face;
-  t.decide = job.decide;
-  t.context = job.context;
-  const double side = planes.turned ? -1 : 1;
-  const double lambert = side * mesh->normal(face).dot(Eigen::Vector3d(
-                                    double{job.light_x}, double{job.light_y}, double{job.light_z}));
+  if (!careful_box(face, flags != 0, box)) return;
+  const FacePlanes planes = make_face_planes(*mesh, rotation, translation, face);
+  if (!planes.valid || (planes.turned && mesh->cull_back_faces)) return;
+  const Eigen::Vector3d light(double{job.light_x}, double{job.light_y}, double{job.light_z});
+  const double lambert = (planes.turned ? -1 : 1) * mesh->normal(face).dot(light);
   const double level = kAmbient + (1 - kAmbient) * std::max(0.0, lambert);
-  t.shade = static_cast<uint8_t>(255.0 * level * double{mesh->luminance[face]} + 0.5);
-  draw_blocks(t, near, box);
+  Triangle paint{};
+  paint.shade = static_cast<uint8_t>(255.0 * level * double{mesh->luminance[face]} + 0.5);
+  paint.face = face;
+  paint.decide = job.decide;
+  paint.context = job.context;
+  draw_blocks(planes, (flags & raster::kBehind) != 0, box, paint);
 }
 
 MeshRasterizer::MeshRasterizer(std::shared_ptr<const RayTable> rays, RasterKernel kernel)
