@@ -169,9 +169,11 @@ std::string InstallationChanges::summary() const {
   if (camera_ids) parts.emplace_back("order of cameras");
   if (object_ids) parts.emplace_back("order of objects");
   const std::pair<bool, const char*> sections[] = {
-      {scene, "scene"},         {render, "overlay font"}, {observe, "observe"},
-      {estimator, "estimator"}, {rtsp, "rtsp"},           {encoder, "encoder"},
-      {http, "http"},           {record, "record"},       {daemon, "daemon"}};
+      {scene, "scene"},     {render, "overlay font and depth"},
+      {observe, "observe"}, {estimator, "estimator"},
+      {rtsp, "rtsp"},       {encoder, "encoder"},
+      {http, "http"},       {record, "record"},
+      {daemon, "daemon"}};
   for (const auto& [changed, name] : sections) {
     if (changed) parts.emplace_back(name);
   }

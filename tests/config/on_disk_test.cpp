@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "sightline/base/files.hpp"
+#include "sightline/config/installation.hpp"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+const fs::path kBench = SIGHTLINE_SOURCE_DIR "/recordings/bench";
+
+class OnDisk : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ =
+        fs::path(testing::TempDir()) /
+        ("sightline_config_" + std::to_string(testing::UnitTest::GetInstance()->random_seed()) +
+         testing::UnitTest::GetInstance()->current_test_info()->name());
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  void copy_bench_texts() {
+    fs::create_directories(folder_ / "objects");
+    for (const char* name : {"recording.toml", "calibration.toml", "scene.obj",
+                             "objects/carton.toml", "objects/carton.obj"}) {
+      fs::copy_file(kBench / name, folder_ / name);
+    }
+  }
+  void rewrite(const char* name, const std::string& from, const std::string& to) {
+    std::string text = *read_file(folder_ / name);
+    const size_t at = text.find(from);
+    ASSERT_NE(at, std::string::npos);
+    ASSERT_TRUE(write_file_atomically(folder_ / name, text.replace(at, from.size(), to)));
+  }
+
+  fs::path folder_;
+};
+
+TEST_F(OnDisk, ARecordingIsAnInstallation) {
+  const auto installation = recording_installation(kBench);
+  ASSERT_TRUE(installation.has_value()) << installation.error().message();
+  ASSERT_EQ(installation->cameras.size(), 3u);
+  EXPECT_EQ(installation->name, "bench");
+  EXPECT_EQ(installation->cameras[2].name, "side");
+  EXPECT_FALSE(installation->cameras[0].loop);
+  EXPECT_EQ(installation->cameras[0].calibration.name, "left");
+  ASSERT_EQ(installation->objects.size(), 1u);
+  EXPECT_EQ(installation->objects[0].description.name, "carton");
+  ASSERT_EQ(installation->scene.meshes.size(), 1u);
+  EXPECT_NE(installation->scene.content, 0u);
+  EXPECT_FALSE(installation->rtsp.enabled || installation->http.enabled);
+}
+
+TEST_F(OnDisk, ReadsAnInstallationThatPlaysARecording) {
+  const std::string bench = kBench.string();
+  const fs::path file = folder_ / "cell.toml";
+  std::ofstream(file) << "calibration = \"" << bench << "/calibration.toml\"\n"
+                      << "[[camera]]\nname = \"right\"\nsource = \"replay:" << bench << "\"\n"
+                      << "[[object]]\nfile = \"" << bench << "/objects/carton.toml\"\n"
+                      << "[scene]\nmeshes = [\"" << bench << "/scene.obj\"]\n"
+                      << "[record]\nenabled = true\ndirectory = \".\"\n";
+  const auto installation = read_installation(file);
+  ASSERT_TRUE(installation.has_value()) << installation.error().message();
+  EXPECT_EQ(installation->cameras[0].calibration.model.width(), 640);
+  EXPECT_NE(installation->objects[0].content, 0u);
+}
+
+TEST_F(OnDisk, SeesThatAnObjectsMeshHasChanged) {
+  copy_bench_texts();
+  const auto before = recording_installation(folder_);
+  ASSERT_TRUE(before.has_value()) << before.error().message();
+  std::ofstream(folder_ / "objects/carton.obj", std::ios::app) << "# more\n";
+  const auto after = recording_installation(folder_);
+  ASSERT_TRUE(after.has_value());
+  EXPECT_EQ(compare(*before, *after).objects_changed, std::vector<std::string>{"carton"});
+}
+
+TEST_F(OnDisk, ErrorsOfNamedFilesAreInside) {
+  copy_bench_texts();
+  rewrite("objects/carton.toml", "tag36h11", "tag36h99");
+  const fs::path file = folder_ / "cell.toml";
+  std::ofstream(file) << "calibration = \"calibration.toml\"\n"
+                      << "[[camera]]\nname = \"right\"\nsource = \"replay:.\"\n"
+                      << "[[object]]\nfile = \"objects/carton.toml\"\n";
+  const auto installation = read_installation(file);
+  ASSERT_FALSE(installation.has_value());
+  EXPECT_EQ(installation.error().where, file.string() + ":6:8");
+  EXPECT_NE(installation.error().text.find("carton.toml:6:10"), std::string::npos)
+      << installation.error().message();
+}
+
+TEST_F(OnDisk, ARecordingWithoutCalibrationOfACamera) {
+  copy_bench_texts();
+  rewrite("calibration.toml", "\"left\"", "\"laft\"");
+  const auto installation = recording_installation(folder_);
+  ASSERT_FALSE(installation.has_value());
+  EXPECT_NE(installation.error().message().find("recording.toml:6"), std::string::npos)
+      << installation.error().message();
+  EXPECT_NE(installation.error().text.find("\"left\" has no calibration"), std::string::npos);
+}
+
+TEST_F(OnDisk, ARecordingOfAnotherSize) {
+  copy_bench_texts();
+  rewrite("recording.toml", "width = 640", "width = 320");
+  const auto installation = recording_installation(folder_);
+  ASSERT_FALSE(installation.has_value());
+  EXPECT_NE(installation.error().text.find("recorded at 320x480"), std::string::npos);
+}
+
+TEST_F(OnDisk, MissingFiles) {
+  EXPECT_EQ(exit_code(read_installation(folder_ / "none.toml").error()), 2);
+  EXPECT_EQ(exit_code(recording_installation(folder_ / "none").error()), 2);
+}
+
+}  // namespace
+}  // namespace sightline
