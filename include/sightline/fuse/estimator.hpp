@@ -16,7 +16,8 @@ namespace sightline {
 /// How one object is estimated. Defaults suit things moved by hand or by a robot (about 1 m/s and
 /// 200 deg/s) seen at 5 to 120 frames per second; docs/estimator.md says why.
 struct EstimatorOptions {
-  MotionNoise noise;
+  MotionNoise noise;         ///< nominal: of the liveliest usual motion
+  bool adapt_motion = true;  ///< learn from the innovations how calm the motion is
 
   double gate_probability = 0.999;  ///< a right measurement passes the chi-square gate so often
   double min_quality = 0.05;        ///< a camera below it says nothing (PoseTerm quality)

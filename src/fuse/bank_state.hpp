@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+
+#include "sightline/model/pose_track.hpp"
+
+namespace sightline::fuse {
+
+/// One pose that the object may have, with its filter state.
+struct Hypothesis {
+  PoseEstimate estimate;
+  double evidence = 0;        ///< -2 log likelihood, the best of the bank at 0
+  int confirmations = 0;      ///< camera frames that agreed since it was found
+  double motion_scale = 1.0;  ///< of the nominal power density of acceleration, as learned
+  /// Contradicts the hypothesis in force and has to prove itself before it is published.
+  bool challenger = false;
+};
+
+/// What is remembered of one camera.
+struct CameraRecord {
+  Time last_look{};
+  Duration period{0};  ///< of its frames, smoothed; 0: unknown
+  double scale = 1.0;  ///< smoothed chi-square per residual of its measurements
+  bool known = false;
+  bool seen = false;     ///< accepted at its last look
+  bool refused = false;  ///< contradicted at its last look
+};
+
+/// Everything the estimator knows after a set. A value: late sets restore an older one.
+struct BankState {
+  static constexpr size_t kMaxHypotheses = 4;
+  std::array<Hypothesis, kMaxHypotheses> hypotheses;  ///< the one in force first
+  int count = 0;
+  std::array<CameraRecord, 64> cameras;
+  CameraSet known = 0;
+  PoseEstimate published;
+  bool found_before = false;  ///< published.last_measured means something
+
+  // Of the last set alone.
+  CameraSet gated = 0;
+  int iterations = 0;
+  bool started = false;
+  bool reset = false;
+};
+
+/// One possible continuation of the bank after a set.
+struct Outcome {
+  Hypothesis hypothesis;
+  CameraSet accepted = 0;
+  CameraSet gated = 0;
+  int iterations = 0;
+  std::array<double, 64> normalized_cost{};
+};
+
+}  // namespace sightline::fuse

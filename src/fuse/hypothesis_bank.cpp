@@ -1,0 +1,322 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "hypothesis_bank.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <utility>
+
+#include "motion_scale.hpp"
+#include "track_state.hpp"
+
+namespace sightline::fuse {
+namespace {
+
+constexpr size_t kMaxStarts = 8;         // proposed poses that are tried per set and hypothesis
+constexpr double kSurpriseAlarm = 16.8;  // 99 % of chi-square with 6 dof
+constexpr double kSamePose = 4.0;        // squared Mahalanobis distance (6 dof) of one and the same
+
+bool same_pose(const PoseEstimate& a, const PoseEstimate& b) {
+  const Vector6 d = difference(a.world_from_object, b.world_from_object);
+  const Matrix6 covariance = a.pose_covariance() + b.pose_covariance();
+  return d.dot(covariance.ldlt().solve(d)) < kSamePose;
+}
+
+// Not yet proven poses come after the one in force whatever their evidence.
+bool comes_before(const Outcome& a, const Outcome& b) {
+  if (a.hypothesis.challenger != b.hypothesis.challenger) return b.hypothesis.challenger;
+  return a.hypothesis.evidence < b.hypothesis.evidence;
+}
+
+}  // namespace
+
+HypothesisBank::HypothesisBank(const EstimatorOptions& options, ObjectId object)
+    : options_(options),
+      object_(object),
+      vote_(options),
+      surprise_limit_(chi_square_quantile(options.gate_probability, 6)) {}
+
+BankState HypothesisBank::nothing_known() const {
+  BankState state;
+  state.published.object = object_;
+  return state;
+}
+
+void HypothesisBank::step(const BankState& before, Time time, std::span<const Observation> set,
+                          BankState& after) {
+  after = before;
+  after.gated = 0;
+  after.iterations = 0;
+  after.started = after.reset = false;
+  expire(time, after);
+  collect_voters(set, after);
+  outcomes_.clear();
+  if (!voters_.empty()) {
+    const bool was_empty = after.count == 0;
+    if (was_empty) {
+      start(time, 0.0, false);
+    } else {
+      for (int i = 0; i < after.count; ++i) {
+        follow(after.hypotheses[static_cast<size_t>(i)], time);
+      }
+      merge_and_sort();
+      if (needs_challenger(time, after)) {
+        start(time, before.hypotheses[0].evidence, true);
+      }
+    }
+    merge_and_sort();
+    settle(after);
+    after.started = was_empty && after.count > 0;
+  } else {
+    for (int i = 0; i < after.count; ++i) {
+      Hypothesis& hypothesis = after.hypotheses[static_cast<size_t>(i)];
+      hypothesis.estimate = moved_to(time, hypothesis, hypothesis.motion_scale);
+    }
+  }
+  const Outcome* best = outcomes_.empty() ? nullptr : &outcomes_.front();
+  const bool contradicted = record_looks(time, set, best, after);
+  publish(time, contradicted, options_, after);
+}
+
+void HypothesisBank::expire(Time time, BankState& state) const {
+  int kept = 0;
+  for (int i = 0; i < state.count; ++i) {
+    const Hypothesis old = state.hypotheses[static_cast<size_t>(i)];
+    const Duration age = time - old.estimate.last_measured;
+    if (age > options_.lost_after) continue;
+    state.hypotheses[static_cast<size_t>(kept)] = old;
+    // What was learned of the motion does not outlast a gap.
+    if (age > options_.max_hold) calm_is_over(state.hypotheses[static_cast<size_t>(kept)]);
+    ++kept;
+  }
+  state.count = kept;
+  // A challenger that outlives the pose it contradicted has nothing left to challenge.
+  if (kept > 0 && state.hypotheses[0].challenger) {
+    for (Hypothesis& hypothesis : state.hypotheses) hypothesis.challenger = false;
+  }
+}
+
+PoseEstimate HypothesisBank::moved_to(Time time, const Hypothesis& hypothesis,
+                                      double motion_scale) const {
+  PoseEstimate estimate = hypothesis.estimate;
+  if (time != estimate.time) {
+    const double root = std::sqrt(motion_scale);
+    estimate =
+        predict(estimate, time, {options_.noise.angular * root, options_.noise.linear * root});
+  }
+  estimate.cameras = 0;
+  return estimate;
+}
+
+void HypothesisBank::collect_voters(std::span<const Observation> set, const BankState& state) {
+  voters_.clear();
+  for (const Observation& observation : set) {
+    if (observation.terms.empty()) continue;
+    const CameraRecord& record = state.cameras[observation.camera.index() & 63u];
+    voters_.push_back({&observation, std::max(1.0, record.scale)});
+  }
+}
+
+bool HypothesisBank::too_loose(const PoseEstimate& estimate) const {
+  return estimate.sigma_translation() > options_.reacquire_sigma_translation ||
+         estimate.sigma_rotation() > options_.reacquire_sigma_rotation;
+}
+
+// Updates one hypothesis with the set.
+void HypothesisBank::follow(const Hypothesis& hypothesis, Time time) {
+  Hypothesis moved = hypothesis;
+  moved.estimate = moved_to(time, hypothesis, hypothesis.motion_scale);
+  if (too_loose(moved.estimate)) {
+    follow_loose(moved, time);
+    return;
+  }
+  vote_.hold(pose_prior(moved.estimate), voters_, moved.estimate.world_from_object, verdict_);
+  const double wanted = wanted_scale(hypothesis.motion_scale);
+  if (wanted > hypothesis.motion_scale) {
+    // Livelier than it was of late: predict once more with that in mind.
+    const bool sudden = verdict_.accepted == 0;
+    moved.motion_scale = wanted;
+    moved.estimate = moved_to(time, hypothesis, wanted);
+    vote_.hold(pose_prior(moved.estimate), voters_, moved.estimate.world_from_object, verdict_);
+    if (sudden && std::popcount(verdict_.accepted) == 1) moved.confirmations = 0;
+  }
+  // Cameras that agree with one another, but not with what was believed, do not move it.
+  if (verdict_.accepted != 0 && 2.0 * verdict_.minimum.prior_cost > surprise_limit_) {
+    verdict_.gated |= std::exchange(verdict_.accepted, 0);
+  }
+  if (verdict_.accepted == 0) moved.motion_scale = hypothesis.motion_scale;
+  add_outcome(moved, time);
+}
+
+// A prediction too loose to point at the right minimum tries the poses that the cameras propose as
+// well; each minimum found becomes an outcome and has to be confirmed anew.
+void HypothesisBank::follow_loose(const Hypothesis& moved, Time time) {
+  Hypothesis again = moved;
+  again.confirmations = 0;
+  const PosePrior prior = pose_prior(moved.estimate);
+  bool found = false;
+  size_t tried = 0;
+  for (const Voter& voter : voters_) {
+    for (const PoseHypothesis& proposed : voter.observation->hypotheses) {
+      if (++tried > kMaxStarts) break;
+      vote_.hold(prior, voters_, proposed.world_from_object, verdict_);
+      if (verdict_.accepted == 0) continue;
+      add_outcome(again, time);
+      found = true;
+    }
+  }
+  vote_.hold(prior, voters_, moved.estimate.world_from_object, verdict_);
+  if (!found || verdict_.accepted != 0) add_outcome(again, time);
+}
+
+// Motion noise that would have made the set unsurprising; never above the nominal one (or what it
+// is already) in one step.
+double HypothesisBank::wanted_scale(double scale) const {
+  if (!options_.adapt_motion) return scale;
+  const double limit = std::max(1.0, scale);
+  if (verdict_.accepted == 0) return verdict_.gated != 0 ? limit : scale;
+  const Surprise surprise = measure_surprise(verdict_.minimum);
+  if (surprise.squared <= kSurpriseAlarm || surprise.dof < 1.0) return scale;
+  return std::min(limit, scale * surprise.squared / surprise.dof);
+}
+
+// `moved`: the hypothesis at the set's time; verdict_: what the set made of it.
+void HypothesisBank::add_outcome(const Hypothesis& moved, Time time) {
+  Outcome outcome;
+  outcome.hypothesis = moved;
+  outcome.hypothesis.evidence += verdict_.evidence;
+  outcome.accepted = verdict_.accepted;
+  outcome.gated = verdict_.gated;
+  outcome.iterations = verdict_.minimum.iterations;
+  outcome.normalized_cost = verdict_.normalized_cost;
+  if (verdict_.accepted != 0) {
+    Hypothesis& h = outcome.hypothesis;
+    h.estimate = posterior(moved.estimate, verdict_.minimum);
+    h.estimate.cameras = verdict_.accepted;
+    h.estimate.last_measured = time;
+    h.confirmations = moved.confirmations + std::popcount(verdict_.accepted);
+    if (options_.adapt_motion) adapt_motion(measure_surprise(verdict_.minimum), h);
+  }
+  outcomes_.push_back(outcome);
+}
+
+void HypothesisBank::start(Time time, double evidence, bool challenger) {
+  size_t tried = 0;
+  for (const Voter& voter : voters_) {
+    for (const PoseHypothesis& proposed : voter.observation->hypotheses) {
+      if (++tried > kMaxStarts) return;
+      start_from(voter, proposed.world_from_object, time, evidence, challenger);
+    }
+  }
+}
+
+// A start is proposed by one camera; the others of the set join if they agree with it within its
+// uncertainty. Then one joint update from "anywhere", so that all are treated alike.
+void HypothesisBank::start_from(const Voter& proposer, const Rigid3& pose, Time time,
+                                double evidence, bool challenger) {
+  Hypothesis fresh;
+  fresh.evidence = evidence;
+  fresh.challenger = challenger;
+  PoseEstimate& prior = fresh.estimate;
+  prior.object = object_;
+  prior.time = time;
+  prior.world_from_object = pose;
+  prior.covariance.topLeftCorner<6, 6>() = anywhere_covariance();
+  Vector6 sigma;
+  sigma << Eigen::Vector3d::Constant(options_.start_sigma_angular),
+      Eigen::Vector3d::Constant(options_.start_sigma_linear);
+  prior.covariance.bottomRightCorner<6, 6>() = sigma.cwiseAbs2().asDiagonal();
+
+  vote_.hold(pose_prior(prior), std::span(&proposer, 1), pose, verdict_);
+  if (verdict_.accepted == 0) return;
+  double penalty = 0;
+  CameraSet gated = 0;
+  if (voters_.size() > 1) {
+    const PoseEstimate proposed = posterior(prior, verdict_.minimum);
+    others_.clear();
+    for (const Voter& voter : voters_) {
+      if (voter.observation != proposer.observation) others_.push_back(voter);
+    }
+    vote_.hold(pose_prior(proposed), others_, proposed.world_from_object, verdict_);
+    penalty = verdict_.penalty;
+    gated = verdict_.gated;
+    const Rigid3 joint =
+        verdict_.accepted != 0 ? verdict_.minimum.pose : proposed.world_from_object;
+    std::erase_if(others_, [&](const Voter& voter) {
+      return (verdict_.accepted & camera_bit(voter.observation->camera)) == 0;
+    });
+    others_.push_back(proposer);
+    vote_.hold(pose_prior(prior), others_, joint, verdict_);
+    if (verdict_.accepted == 0) return;
+  }
+  verdict_.evidence += penalty;
+  verdict_.gated |= gated;
+  add_outcome(fresh, time);
+}
+
+// Best first; of two outcomes at one pose the first stays.
+void HypothesisBank::merge_and_sort() {
+  std::stable_sort(outcomes_.begin(), outcomes_.end(), comes_before);
+  for (size_t i = 0; i < outcomes_.size(); ++i) {
+    for (size_t j = outcomes_.size() - 1; j > i; --j) {
+      if (!same_pose(outcomes_[i].hypothesis.estimate, outcomes_[j].hypothesis.estimate)) continue;
+      outcomes_.erase(outcomes_.begin() + static_cast<ptrdiff_t>(j));
+    }
+  }
+}
+
+// The cameras of this set contradict the hypothesis in force, and no other camera speaks for it.
+bool HypothesisBank::needs_challenger(Time time, const BankState& state) const {
+  const Outcome& best = outcomes_.front();
+  if (best.hypothesis.challenger || best.accepted != 0 || best.gated == 0) return false;
+  for (const Outcome& outcome : outcomes_) {
+    if (outcome.accepted != 0) return false;  // somebody explains them already
+  }
+  for (CameraSet left = state.known; left != 0; left &= left - 1) {
+    const auto index = static_cast<uint32_t>(std::countr_zero(left));
+    if ((best.gated & camera_bit(CameraId(index))) != 0) continue;  // speaks against it now
+    const CameraRecord& record = state.cameras[index];
+    if (record.seen && time - record.last_look <= hold(record, options_)) return false;
+  }
+  return true;
+}
+
+// A challenger that was confirmed often enough and explains the measurements better takes over.
+bool HypothesisBank::take_over() {
+  const double in_force = outcomes_.front().hypothesis.evidence;
+  const auto proven = [&](const Outcome& o) {
+    return o.hypothesis.challenger && o.hypothesis.confirmations >= options_.reset_sets &&
+           o.hypothesis.evidence + options_.drop_margin < in_force;
+  };
+  if (std::none_of(outcomes_.begin(), outcomes_.end(), proven)) return false;
+  std::erase_if(outcomes_, [](const Outcome& o) { return !o.hypothesis.challenger; });
+  for (Outcome& outcome : outcomes_) outcome.hypothesis.challenger = false;
+  std::stable_sort(outcomes_.begin(), outcomes_.end(), comes_before);
+  return true;
+}
+
+// The outcomes that remain possible become the bank.
+void HypothesisBank::settle(BankState& state) {
+  state.count = 0;
+  if (outcomes_.empty()) return;
+  state.reset = !outcomes_.front().hypothesis.challenger && take_over();
+  const double in_force = outcomes_.front().hypothesis.evidence;
+  double best = in_force;
+  for (const Outcome& outcome : outcomes_) best = std::min(best, outcome.hypothesis.evidence);
+  const auto impossible = [&](const Outcome& o) {
+    if (!o.hypothesis.challenger) return o.hypothesis.evidence > in_force + options_.drop_margin;
+    return o.accepted == 0 || o.hypothesis.evidence > best + options_.drop_margin;
+  };
+  outcomes_.erase(std::remove_if(outcomes_.begin() + 1, outcomes_.end(), impossible),
+                  outcomes_.end());
+  const auto kept = std::min(outcomes_.size(), static_cast<size_t>(options_.max_hypotheses));
+  const double zero = kept == 1 ? in_force : best;
+  for (size_t i = 0; i < kept; ++i) {
+    state.hypotheses[i] = outcomes_[i].hypothesis;
+    state.hypotheses[i].evidence -= zero;
+  }
+  state.count = static_cast<int>(kept);
+}
+
+}  // namespace sightline::fuse

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "set_ring.hpp"
+
+#include <algorithm>
+
+namespace sightline::fuse {
+namespace {
+
+bool has_camera(const RingEntry& entry, CameraId camera) {
+  const auto set = entry.set();
+  return std::any_of(set.begin(), set.end(),
+                     [camera](const Observation& o) { return o.camera == camera; });
+}
+
+// In order of cameras, so that the sum over cameras does not depend on who came first.
+void add(const Observation& observation, RingEntry& entry) {
+  if (entry.used == entry.slots.size()) entry.slots.emplace_back();
+  entry.slots[entry.used++] = observation;
+  for (size_t i = entry.used - 1; i > 0 && entry.slots[i].camera < entry.slots[i - 1].camera; --i) {
+    std::swap(entry.slots[i], entry.slots[i - 1]);
+  }
+}
+
+}  // namespace
+
+SetRing::SetRing(Duration span, int capacity, const BankState& initial)
+    : span_(span), capacity_(static_cast<size_t>(capacity)), base_(initial) {
+  entries_.reserve(capacity_ + 2);
+  spare_.reserve(capacity_ + 2);
+}
+
+std::unique_ptr<RingEntry> SetRing::fresh_entry(Time time) {
+  std::unique_ptr<RingEntry> entry;
+  if (spare_.empty()) {
+    entry = std::make_unique<RingEntry>();
+  } else {
+    entry = std::move(spare_.back());
+    spare_.pop_back();
+  }
+  entry->time = time;
+  return entry;
+}
+
+SetRing::Place SetRing::insert(Time time, ObjectId object, std::span<const Observation> set) {
+  if (has_base_ && time <= base_time_) return {Placement::kTooLate, 0};
+  if (!entries_.empty() && time < entries_.back()->time - span_) return {Placement::kTooLate, 0};
+  auto position = std::lower_bound(
+      entries_.begin(), entries_.end(), time,
+      [](const std::unique_ptr<RingEntry>& entry, Time t) { return entry->time < t; });
+  const auto index = static_cast<size_t>(position - entries_.begin());
+  const bool joins = position != entries_.end() && (*position)->time == time;
+  if (!joins) entries_.insert(position, fresh_entry(time));
+  RingEntry& entry = *entries_[index];
+  const size_t before = entry.used;
+  for (const Observation& observation : set) {
+    if (observation.object == object && !has_camera(entry, observation.camera)) {
+      add(observation, entry);
+    }
+  }
+  const bool nothing_new = joins && entry.used == before;
+  return {nothing_new ? Placement::kDuplicate : Placement::kPlaced, index};
+}
+
+const BankState& SetRing::before(size_t index) const {
+  return index == 0 ? base_ : entries_[index - 1]->after;
+}
+
+bool SetRing::overfull() const {
+  return entries_.size() > capacity_ ||
+         (entries_.size() > 1 && entries_.front()->time < entries_.back()->time - span_);
+}
+
+void SetRing::drop_oldest() {
+  std::unique_ptr<RingEntry> entry = std::move(entries_.front());
+  entries_.erase(entries_.begin());
+  base_ = entry->after;
+  base_time_ = entry->time;
+  has_base_ = true;
+  for (size_t i = 0; i < entry->used; ++i) {  // let go of the terms, keep the vectors
+    entry->slots[i].terms.clear();
+    entry->slots[i].hypotheses.clear();
+  }
+  entry->used = 0;
+  spare_.push_back(std::move(entry));
+}
+
+}  // namespace sightline::fuse

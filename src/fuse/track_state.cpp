@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "track_state.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "motion_scale.hpp"
+
+namespace sightline::fuse {
+namespace {
+
+constexpr double kPeriodSmoothing = 0.2;
+constexpr double kScaleSmoothing = 0.1;
+
+size_t slot(CameraId camera) { return camera.index() & 63u; }
+
+void update_period(Time time, CameraRecord& record) {
+  const Duration interval = time - record.last_look;
+  if (!record.known || interval <= Duration(0)) return;
+  if (record.period == Duration(0)) {
+    record.period = interval;
+    return;
+  }
+  // A gap is a dropped frame more often than a slower camera.
+  const double gain = interval > record.period * 3 / 2 ? 0.25 * kPeriodSmoothing : kPeriodSmoothing;
+  record.period += from_seconds(gain * to_seconds(interval - record.period));
+}
+
+int holding_cameras(Time time, const EstimatorOptions& options, const BankState& state) {
+  int holding = 0;
+  for (CameraSet left = state.known; left != 0; left &= left - 1) {
+    const CameraRecord& record = state.cameras[static_cast<size_t>(std::countr_zero(left))];
+    holding += record.seen && time - record.last_look <= hold(record, options) ? 1 : 0;
+  }
+  return holding;
+}
+
+TrackState classify(Time time, bool contradicted, const EstimatorOptions& options,
+                    const BankState& state) {
+  if (state.count == 0) {
+    if (!state.found_before) return TrackState::kSearching;
+    const Duration age = time - state.published.last_measured;
+    return age > options.searching_after ? TrackState::kSearching : TrackState::kLost;
+  }
+  const int holding = holding_cameras(time, options, state);
+  if (holding == 0) return TrackState::kCoasting;
+  const Hypothesis& main = state.hypotheses[0];
+  const bool sure = state.count == 1 && !contradicted &&
+                    main.confirmations >= options.confirm_sets &&
+                    (holding > 1 || !options.one_camera_is_degraded) &&
+                    main.estimate.sigma_translation() <= options.max_sigma_translation &&
+                    main.estimate.sigma_rotation() <= options.max_sigma_rotation;
+  return sure ? TrackState::kTracking : TrackState::kDegraded;
+}
+
+// Moments of the mixture about the pose in force.
+void add_spread(const BankState& state, PoseEstimate& estimate) {
+  double total = 0;
+  for (int i = 0; i < state.count; ++i) {
+    total += std::exp(-0.5 * state.hypotheses[static_cast<size_t>(i)].evidence);
+  }
+  if (!(total > 0)) return;
+  for (int i = 1; i < state.count; ++i) {
+    const Hypothesis& other = state.hypotheses[static_cast<size_t>(i)];
+    const Vector6 d = difference(estimate.world_from_object, other.estimate.world_from_object);
+    const double weight = std::exp(-0.5 * other.evidence) / total;
+    estimate.covariance.topLeftCorner<6, 6>() += weight * d * d.transpose();
+  }
+}
+
+}  // namespace
+
+Duration hold(const CameraRecord& record, const EstimatorOptions& options) {
+  if (record.period == Duration(0)) return options.max_hold;
+  return std::min(options.max_hold, from_seconds(options.hold_periods * to_seconds(record.period)));
+}
+
+Time held_until(const BankState& state, const EstimatorOptions& options) {
+  Time until = Time::min();
+  for (CameraSet left = state.known; left != 0; left &= left - 1) {
+    const CameraRecord& record = state.cameras[static_cast<size_t>(std::countr_zero(left))];
+    if (record.seen) until = std::max(until, record.last_look + hold(record, options));
+  }
+  return until;
+}
+
+bool record_looks(Time time, std::span<const Observation> set, const Outcome* best,
+                  BankState& state) {
+  const CameraSet accepted = best != nullptr ? best->accepted : 0;
+  const CameraSet gated = best != nullptr ? best->gated : 0;
+  bool lost_a_friend = false;
+  for (const Observation& observation : set) {
+    const CameraSet bit = camera_bit(observation.camera);
+    CameraRecord& record = state.cameras[slot(observation.camera)];
+    lost_a_friend |= (gated & bit) != 0 && !record.refused;
+    update_period(time, record);
+    record.known = true;
+    record.last_look = time;
+    record.seen = (accepted & bit) != 0;
+    record.refused = (gated & bit) != 0;
+    state.known |= bit;
+    if (!record.seen) continue;
+    record.scale +=
+        kScaleSmoothing * (best->normalized_cost[slot(observation.camera)] - record.scale);
+  }
+  state.gated = gated;
+  state.iterations = best != nullptr ? best->iterations : 0;
+  return accepted == 0 && lost_a_friend;
+}
+
+void publish(Time time, bool contradicted, const EstimatorOptions& options, BankState& state) {
+  PoseEstimate& out = state.published;
+  if (state.count > 0) {
+    out = state.hypotheses[0].estimate;
+    state.found_before = true;
+    add_spread(state, out);
+  } else {
+    out.cameras = 0;
+  }
+  out.time = time;
+  out.state = classify(time, contradicted, options, state);
+  if (out.state != TrackState::kCoasting) return;
+  for (int i = 0; i < state.count; ++i) calm_is_over(state.hypotheses[static_cast<size_t>(i)]);
+}
+
+TrackState state_in_silence(const BankState& state, Time now, const EstimatorOptions& options) {
+  const PoseEstimate& newest = state.published;
+  if (!state.found_before) return TrackState::kSearching;
+  const Duration age = now - newest.last_measured;
+  if (age > options.searching_after) return TrackState::kSearching;
+  if (state.count == 0 || age > options.lost_after) return TrackState::kLost;
+  if (now > held_until(state, options) + options.silence) return TrackState::kCoasting;
+  return newest.state;
+}
+
+void append_silence(const BankState& state, Time now, const EstimatorOptions& options,
+                    std::vector<PoseEstimate>& track) {
+  const PoseEstimate newest = state.published;
+  if (!has_pose(newest.state)) return;
+  const Duration instant{1};
+  const Time lost = newest.last_measured + options.lost_after + instant;
+  const Time coasting = held_until(state, options) + options.silence + instant;
+  if (newest.state != TrackState::kCoasting && coasting > newest.time && coasting < lost &&
+      now >= coasting) {
+    track.push_back(predict(newest, coasting, options.noise));
+    track.back().state = TrackState::kCoasting;
+    track.back().cameras = 0;
+  }
+  if (now < lost || lost <= newest.time) return;
+  track.push_back(newest);
+  track.back().time = lost;
+  track.back().state = TrackState::kLost;
+  track.back().cameras = 0;
+}
+
+}  // namespace sightline::fuse
