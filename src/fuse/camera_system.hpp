@@ -26,7 +26,9 @@ struct CameraSystem {
   bool usable(double min_quality) const { return residuals > 0 && quality >= min_quality; }
 };
 
-/// `twist` [rad/s, m/s] (body) turns the uncertainty of time into one of pose.
-CameraSystem linearize(const Voter& voter, const Rigid3& world_from_object, const Vector6& twist);
+/// `twist_square`: E[twist twist^T] of the body twist [rad/s, m/s]; it turns the uncertainty of the
+/// capture time into one of pose.
+CameraSystem linearize(const Voter& voter, const Rigid3& world_from_object,
+                       const Matrix6& twist_square);
 
 }  // namespace sightline::fuse

@@ -26,7 +26,7 @@ void evaluate(const PosePrior& prior, std::span<const Voter> voters, const Rigid
   at.cost = at.prior_cost;
   at.systems.clear();
   for (const Voter& voter : voters) {
-    at.systems.push_back(linearize(voter, pose, prior.twist));
+    at.systems.push_back(linearize(voter, pose, prior.twist_square));
     at.cost += at.systems.back().cost;
   }
 }
@@ -48,7 +48,8 @@ PosePrior pose_prior(const PoseEstimate& estimate) {
   prior.pose = estimate.world_from_object;
   prior.covariance = symmetric(estimate.pose_covariance());
   prior.information = symmetric(prior.covariance.ldlt().solve(Matrix6::Identity()));
-  prior.twist = estimate.twist;
+  prior.twist_square =
+      estimate.covariance.bottomRightCorner<6, 6>() + estimate.twist * estimate.twist.transpose();
   return prior;
 }
 

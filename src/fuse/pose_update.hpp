@@ -14,7 +14,7 @@ struct PosePrior {
   Rigid3 pose;
   Matrix6 covariance;
   Matrix6 information;
-  Vector6 twist;  ///< for the uncertainty of capture times
+  Matrix6 twist_square;  ///< E[twist twist^T], for the uncertainty of capture times
 };
 PosePrior pose_prior(const PoseEstimate& estimate);
 

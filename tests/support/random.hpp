@@ -12,7 +12,8 @@ namespace sightline::test {
 /// Generator: splitmix64 (Steele, Lea, Flood, 2014).
 class Random {
  public:
-  explicit Random(uint64_t seed) : state_(seed * 0x9E3779B97F4A7C15ull + 1) {}
+  /// Neighbouring seeds give unrelated sequences.
+  explicit Random(uint64_t seed) : state_(seed) { state_ = bits() ^ 0xD1B54A32D192ED03ull; }
 
   uint64_t bits() {
     uint64_t z = (state_ += 0x9E3779B97F4A7C15ull);
