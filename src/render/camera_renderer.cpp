@@ -292,17 +292,34 @@ class CameraRenderer::Impl {
 
   /// Feature edges that the object itself does not hide.
   void draw_wireframe(const Subject& subject) {
-    pieces_.clear();
+    edges_.clear();
     visible_edges(rasterizer_.rays(), *subject.object.mesh, subject.camera_from_object, tile_,
-                  pieces_.segments);
-    for (const EdgeSegment& piece : pieces_.segments) {
-      uint8_t flags = piece.visible ? uint8_t{0} : uint8_t{marks::kOmitted};
-      const auto x = static_cast<int>(std::lround(0.5f * (piece.x0 + piece.x1)));
-      const auto y = static_cast<int>(std::lround(0.5f * (piece.y0 + piece.y1)));
-      if (compositor_.hidden_near(x, y)) flags |= marks::kBehindScene;
-      pieces_.flags.push_back(flags);
+                  edges_);
+    pieces_.clear();
+    for (const EdgeSegment& edge : edges_) {
+      if (edge.visible) add_seen_edge(edge);
     }
     marks::draw_pieces(surface_->canvas, pieces_, subject.look, false, points_);
+  }
+
+  /// Cut into short pieces where the scene hides some of the object, to find where it begins.
+  void add_seen_edge(const EdgeSegment& edge) {
+    constexpr float kPiece = 3;
+    const float length = std::hypot(edge.x1 - edge.x0, edge.y1 - edge.y0);
+    const int count = compositor_.any_hidden() ? static_cast<int>(length / kPiece) + 1 : 1;
+    EdgeSegment piece = edge;
+    for (int i = 1; i <= count; ++i) {
+      const float share = static_cast<float>(i) / static_cast<float>(count);
+      piece.x1 = i == count ? edge.x1 : edge.x0 + share * (edge.x1 - edge.x0);
+      piece.y1 = i == count ? edge.y1 : edge.y0 + share * (edge.y1 - edge.y0);
+      const bool behind =
+          compositor_.hidden_near(static_cast<int>(std::lround(0.5f * (piece.x0 + piece.x1))),
+                                  static_cast<int>(std::lround(0.5f * (piece.y0 + piece.y1))));
+      pieces_.segments.push_back(piece);
+      pieces_.flags.push_back(behind ? uint8_t{marks::kBehindScene} : uint8_t{0});
+      piece.x0 = piece.x1;
+      piece.y0 = piece.y1;
+    }
   }
 
   /// Far tips first, so that the nearer axis lies on top.
@@ -369,11 +386,7 @@ class CameraRenderer::Impl {
     if (style.circle && circle) marks::draw_circle(surface_->canvas, *circle, subject.look);
     std::optional<Extent> extent;
     if (!bounds.empty()) {
-      // Pixel edges, three pixels off so that the line does not lie on the outline.
-      constexpr float kGap = 3.5f;
-      extent = Extent{static_cast<float>(bounds.x) - kGap, static_cast<float>(bounds.y) - kGap,
-                      static_cast<float>(bounds.x + bounds.width - 1) + kGap,
-                      static_cast<float>(bounds.y + bounds.height - 1) + kGap};
+      extent = extent_of(bounds);
     } else if (circle) {
       extent = extent_of(*circle);
     }
@@ -383,6 +396,15 @@ class CameraRenderer::Impl {
     }
     if (circle && (style.circle || !extent)) extent = extent_of(*circle);
     return extent.value_or(Extent{0, 0, 0, 0});
+  }
+
+  /// Three to four pixels off, so that the line does not lie on the outline, and in the middle of a
+  /// chroma sample, so that all four sides have the same colour.
+  static Extent extent_of(const TileRect& bounds) {
+    const auto low = [](int first) { return static_cast<float>((first - 2) & ~1) - 1.5f; };
+    const auto high = [](int end) { return static_cast<float>((end + 3) & ~1) + 0.5f; };
+    return {low(bounds.x), low(bounds.y), high(bounds.x + bounds.width),
+            high(bounds.y + bounds.height)};
   }
 
   static Extent extent_of(const marks::Circle& circle) {
@@ -469,6 +491,7 @@ class CameraRenderer::Impl {
   MeshRasterizer rasterizer_;
   RasterTile tile_;
   TileCompositor compositor_;
+  std::vector<EdgeSegment> edges_;
   marks::Pieces pieces_;
   marks::Points points_;
   std::vector<size_t> order_;

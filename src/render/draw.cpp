@@ -39,6 +39,10 @@ Target<2> chroma_of(const Canvas& c, Yuv color) {
 /// Chroma sample i covers luma pixels 2i and 2i+1.
 Point to_chroma(Point p) { return (p - Point(0.5f, 0.5f)) * 0.5f; }
 
+/// Chroma is drawn half a luma pixel wider, so that a thin line that falls between two samples does
+/// not turn grey.
+float chroma_half_width(float width) { return 0.25f * width + 0.25f; }
+
 float clamp01(float value) { return std::clamp(value, 0.0f, 1.0f); }
 
 int to_alpha(float coverage, float opacity) {
@@ -192,7 +196,8 @@ bool clip(const Canvas& canvas, float margin, Point& a, Point& b, float& skipped
 void clipped_line(const Canvas& canvas, Point a, Point b, const Pen& pen) {
   const float half = 0.5f * pen.width;
   bar(luma_of(canvas, pen.color), a, b, half, pen.opacity);
-  bar(chroma_of(canvas, pen.color), to_chroma(a), to_chroma(b), 0.5f * half, pen.opacity);
+  bar(chroma_of(canvas, pen.color), to_chroma(a), to_chroma(b), chroma_half_width(pen.width),
+      pen.opacity);
 }
 
 /// Draws the dashes of one segment, `phase` px into the pattern at its start.
@@ -224,11 +229,19 @@ void line(const Canvas& canvas, Point a, Point b, const Pen& pen) {
 }
 
 void polyline(const Canvas& canvas, std::span<const Point> points, const Pen& pen, Dash dash) {
+  // Bars end with half coverage. An opaque line is drawn over itself at its joints, so that they
+  // show no notches, and half its width further at its ends, so that corners are filled.
+  const float joint = pen.opacity >= 0.99f ? 0.5f : 0.0f;
   float phase = 0;
   for (size_t i = 0; i + 1 < points.size(); ++i) {
     Point a = points[i];
     Point b = points[i + 1];
     const float length = (b - a).norm();
+    if (dash.off <= 0 && length > 0) {
+      const Point along = (b - a) / length;
+      a -= (i == 0 ? 0.5f * pen.width : joint) * along;
+      b += (i + 2 == points.size() ? 0.5f * pen.width : joint) * along;
+    }
     float skipped = 0;
     if (clip(canvas, pen.width + 2, a, b, skipped)) {
       if (dash.off > 0) {
@@ -245,7 +258,8 @@ void circle(const Canvas& canvas, Point center, float radius, const Pen& pen) {
   if (!center.allFinite() || !std::isfinite(radius) || radius < 0) return;
   const float half = 0.5f * pen.width;
   ring(luma_of(canvas, pen.color), center, radius, half, pen.opacity);
-  ring(chroma_of(canvas, pen.color), to_chroma(center), 0.5f * radius, 0.5f * half, pen.opacity);
+  ring(chroma_of(canvas, pen.color), to_chroma(center), 0.5f * radius, chroma_half_width(pen.width),
+       pen.opacity);
 }
 
 void dashed_circle(const Canvas& canvas, Point center, float radius, const Pen& pen, Dash dash) {

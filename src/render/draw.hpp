@@ -41,12 +41,12 @@ struct Dash {
   float off = 0;
 };
 
-/// Coverage is the box-filtered distance to the line, in luma with 1 px and in chroma with 2 px, so
-/// a line of 2 px or more keeps its full colour after subsampling. Points that are not finite
-/// draw nothing; long lines are clipped first.
+/// Coverage is the box-filtered distance to the line, in luma with 1 px and in chroma (half a pixel
+/// wider) with 2 px, so a line of 2 px or more keeps its colour after subsampling. Points that are
+/// not finite draw nothing; long lines are clipped first.
 void line(const Canvas& canvas, Point a, Point b, const Pen& pen);
 
-/// Joined segments; dashes run on around corners.
+/// Joined segments with square ends; dashes run on around corners.
 void polyline(const Canvas& canvas, std::span<const Point> points, const Pen& pen, Dash dash = {});
 
 /// Circle line of that radius (to the middle of the line).

@@ -98,7 +98,6 @@ void draw_pieces(const draw::Canvas& canvas, const Pieces& pieces, const Look& l
       ++i;
     } while (i < segments.size() && segments[i].line == first.line && pieces.flags[i] == flags &&
              segments[i].x0 == points.back().x() && segments[i].y0 == points.back().y());
-    if ((flags & kOmitted) != 0) continue;
     draw::Pen pen = pen_of(look, (flags & kBehindScene) != 0);
     if ((flags & kTurnedAway) != 0) pen.opacity *= 0.75f;
     const draw::Dash dash = look.dashed || flags != 0 ? Look::kDash : draw::Dash{};

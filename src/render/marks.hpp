@@ -41,7 +41,6 @@ std::optional<Circle> sphere_circle(const CameraModel& model,
 enum PieceFlags : uint8_t {
   kTurnedAway = 1,   ///< on the far side of the object: dashed, paler
   kBehindScene = 2,  ///< the static scene hides it: the x-ray hue, dashed
-  kOmitted = 4,
 };
 
 /// Pieces of lines and what is known of each; keeps its memory.

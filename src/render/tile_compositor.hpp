@@ -45,6 +45,7 @@ class TileCompositor {
   /// Paints the tile classified last. The view is valid until the next call.
   OverlayTileView compose(const RasterTile& tile, const TilePaint& paint);
 
+  bool any_hidden() const { return coverage_.hidden; }
   /// True if the scene hides the object at this frame pixel or one beside it (of the tile
   /// classified last).
   bool hidden_near(int x, int y) const;
