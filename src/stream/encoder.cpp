@@ -14,6 +14,7 @@
 
 #include "encoder_choice.hpp"
 #include "gst_ptr.hpp"
+#include "handover.hpp"
 #include "sightline/base/log.hpp"
 #include "sightline/base/thread.hpp"
 #include "sightline/stream/sei.hpp"
@@ -37,12 +38,11 @@ struct Waiting {
 };
 
 GstMemory* wrap_plane(const PlaneView& plane, const std::shared_ptr<const Picture>& owner) {
-  using Owner = std::shared_ptr<const Picture>;
+  using Owner = Carried<std::shared_ptr<const Picture>>;
   // The last row ends where its pixels end: nothing beyond the plane is touched.
   const size_t size = static_cast<size_t>(plane.stride * (plane.height - 1) + plane.width);
   return gst_memory_new_wrapped(GST_MEMORY_FLAG_READONLY, const_cast<uint8_t*>(plane.data), size, 0,
-                                size, new Owner(owner),
-                                [](gpointer owned) { delete static_cast<Owner*>(owned); });
+                                size, Owner::make(owner), Owner::destroy);
 }
 
 /// A buffer over the picture's own planes; they are given back when GStreamer drops the buffer.
@@ -121,6 +121,7 @@ struct VideoEncoder::Impl {
   ~Impl() {
     if (!pipeline) return;
     gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+    taken_from_library(this);
     const GstObjectPtr<GstBus> bus(gst_element_get_bus(pipeline.get()));
     gst_bus_set_sync_handler(bus.get(), nullptr, nullptr, nullptr);
   }
@@ -145,17 +146,20 @@ Status VideoEncoder::Impl::start() {
 
   GstAppSrcCallbacks source_callbacks{};
   source_callbacks.need_data = [](GstAppSrc*, guint, gpointer self) {
+    const LibraryCall call(self);
     static_cast<Impl*>(self)->on_need_data();
   };
   gst_app_src_set_callbacks(GST_APP_SRC(source.get()), &source_callbacks, this, nullptr);
 
   GstAppSinkCallbacks sink_callbacks{};
   sink_callbacks.new_sample = [](GstAppSink* appsink, gpointer self) {
+    const LibraryCall call(self);
     const GstMiniPtr<GstSample> sample(gst_app_sink_pull_sample(appsink));
     if (sample) static_cast<Impl*>(self)->on_sample(*sample);
     return GST_FLOW_OK;
   };
   sink_callbacks.eos = [](GstAppSink*, gpointer self) {
+    const LibraryCall call(self);
     auto* impl = static_cast<Impl*>(self);
     std::lock_guard lock(impl->mutex);
     impl->at_end = true;
@@ -168,11 +172,13 @@ Status VideoEncoder::Impl::start() {
   gst_bus_set_sync_handler(
       bus.get(),
       [](GstBus*, GstMessage* message, gpointer self) {
+        const LibraryCall call(self);
         static_cast<Impl*>(self)->on_message(*message);
         gst_message_unref(message);
         return GST_BUS_DROP;
       },
       this, nullptr);
+  handed_to_library(this);
   if (gst_element_set_state(pipeline.get(), GST_STATE_PLAYING) == GST_STATE_CHANGE_FAILURE) {
     std::lock_guard lock(mutex);
     return make_error(ErrorCode::kUnavailable, camera, "encoder {} does not start: {}", element,
@@ -204,9 +210,9 @@ void VideoEncoder::Impl::feed(Waiting next) {
   // gets its capture time back from the ticket.
   next.ticket.pts = next_picture++ * period;
   GstBuffer* buffer = wrap_picture(next.picture);
-  GST_BUFFER_PTS(buffer) = next.ticket.pts;
-  GST_BUFFER_DURATION(buffer) = period;
+  set_times(buffer, next.ticket.pts, period);
   tickets.push_back(std::move(next.ticket));
+  handed_to_library(this);
   gst_app_src_push_buffer(GST_APP_SRC(source.get()), buffer);
 }
 
@@ -249,7 +255,7 @@ void VideoEncoder::Impl::on_sample(GstSample& sample) {
   GstBuffer* buffer = gst_sample_get_buffer(&sample);
   // Some encoders move time stamps and say so in the segment (x264enc: by 1000 hours).
   auto ticket = take_ticket(gst_segment_to_running_time(gst_sample_get_segment(&sample),
-                                                        GST_FORMAT_TIME, GST_BUFFER_PTS(buffer)));
+                                                        GST_FORMAT_TIME, pts_of(buffer)));
   if (!ticket) {
     log::warning("{}: encoder {} gave a packet that belongs to no picture; dropped", camera,
                  element);
@@ -265,7 +271,7 @@ void VideoEncoder::Impl::on_sample(GstSample& sample) {
   packet.codec = Codec::kH264;
   packet.sequence = ticket->sequence;
   packet.capture = ticket->capture;
-  packet.keyframe = !GST_BUFFER_FLAG_IS_SET(buffer, GST_BUFFER_FLAG_DELTA_UNIT);
+  packet.keyframe = !is_delta(buffer);
   packet.bytes = std::make_shared<const std::vector<uint8_t>>(
       insert_sei(std::span(map.data, map.size), ticket->sei));
   gst_buffer_unmap(buffer, &map);
@@ -278,7 +284,9 @@ void VideoEncoder::Impl::on_message(GstMessage& message) {
   } else if (GST_MESSAGE_TYPE(&message) == GST_MESSAGE_STREAM_STATUS) {
     GstStreamStatusType type;
     gst_message_parse_stream_status(&message, &type, nullptr);
-    if (type == GST_STREAM_STATUS_TYPE_ENTER) name_this_thread("enc-" + camera);
+    if (type != GST_STREAM_STATUS_TYPE_ENTER) return;
+    std::lock_guard lock(mutex);
+    name_this_thread("enc-" + camera);
   }
 }
 

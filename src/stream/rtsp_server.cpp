@@ -11,6 +11,7 @@
 #include <mutex>
 #include <vector>
 
+#include "handover.hpp"
 #include "rtsp_stream.hpp"
 #include "sightline/base/log.hpp"
 
@@ -50,13 +51,11 @@ struct State {
 using StatePtr = std::shared_ptr<State>;
 
 void connect(gpointer object, const char* signal, GCallback callback, const StatePtr& state) {
-  g_signal_connect_data(
-      object, signal, callback, new StatePtr(state),
-      [](gpointer data, GClosure*) { delete static_cast<StatePtr*>(data); },
-      static_cast<GConnectFlags>(0));
+  g_signal_connect_data(object, signal, callback, Carried<StatePtr>::make(state),
+                        Carried<StatePtr>::destroy_closure, static_cast<GConnectFlags>(0));
 }
 
-State& state_of(gpointer data) { return **static_cast<StatePtr*>(data); }
+State& state_of(gpointer data) { return *Carried<StatePtr>::in(data); }
 
 /// Kernel-side bounds on a peer that vanished or stopped reading.
 void bound_peer(GstRTSPClient* client) {
@@ -73,9 +72,8 @@ void bound_peer(GstRTSPClient* client) {
 // --- signals; on the server's thread or on a client's thread
 // ---------------------------------------
 
-using Request = void (*)(GstRTSPClient*, GstRTSPContext*, gpointer);
-
 void on_play(GstRTSPClient* client, GstRTSPContext* context, gpointer data) {
+  const LibraryCall call(data);
   if (!context->session || !context->uri) return;
   if (const auto stream = state_of(data).stream_of(context->uri->abspath)) {
     stream->viewer_started(client, gst_rtsp_session_get_sessionid(context->session));
@@ -83,6 +81,7 @@ void on_play(GstRTSPClient* client, GstRTSPContext* context, gpointer data) {
 }
 
 void on_stop_playing(GstRTSPClient* client, GstRTSPContext* context, gpointer data) {
+  const LibraryCall call(data);
   if (!context->session || !context->uri) return;
   if (const auto stream = state_of(data).stream_of(context->uri->abspath)) {
     stream->viewer_stopped(client, gst_rtsp_session_get_sessionid(context->session));
@@ -90,12 +89,14 @@ void on_stop_playing(GstRTSPClient* client, GstRTSPContext* context, gpointer da
 }
 
 void on_new_session(GstRTSPClient*, GstRTSPSession* session, gpointer data) {
+  const LibraryCall call(data);
   const auto seconds =
       std::chrono::duration_cast<std::chrono::seconds>(state_of(data).options.session_timeout);
   gst_rtsp_session_set_timeout(session, static_cast<guint>(std::max<int64_t>(1, seconds.count())));
 }
 
 void on_closed(GstRTSPClient* client, gpointer data) {
+  const LibraryCall call(data);
   State& state = state_of(data);
   {
     std::lock_guard lock(state.mutex);
@@ -119,7 +120,8 @@ void close_soon(GstRTSPClient* client) {
 }
 
 void on_client(GstRTSPServer*, GstRTSPClient* client, gpointer data) {
-  const StatePtr& state = *static_cast<StatePtr*>(data);
+  const LibraryCall call(data);
+  const StatePtr& state = Carried<StatePtr>::in(data);
   bool refused = false;
   {
     std::lock_guard lock(state->mutex);
@@ -141,6 +143,7 @@ void on_client(GstRTSPServer*, GstRTSPClient* client, gpointer data) {
 }
 
 void on_session_removed(GstRTSPSessionPool*, GstRTSPSession* session, gpointer data) {
+  const LibraryCall call(data);
   const std::string id = gst_rtsp_session_get_sessionid(session);
   for (const auto& stream : state_of(data).all_streams()) stream->session_gone(id);
 }

@@ -3,6 +3,7 @@
 
 #include <gst/app/gstappsrc.h>
 
+#include "handover.hpp"
 #include "sightline/base/log.hpp"
 
 namespace sightline {
@@ -12,14 +13,13 @@ namespace {
 constexpr guint64 kMaxQueued = 8;
 
 using SharedBytes = std::shared_ptr<const std::vector<uint8_t>>;
-using StreamPtr = std::shared_ptr<SharedStream>;
+using StreamPtr = Carried<std::shared_ptr<SharedStream>>;
 
 /// A buffer over the packet's own bytes.
 GstBuffer* wrap_bytes(const SharedBytes& bytes) {
   return gst_buffer_new_wrapped_full(
       GST_MEMORY_FLAG_READONLY, const_cast<uint8_t*>(bytes->data()), bytes->size(), 0,
-      bytes->size(), new SharedBytes(bytes),
-      [](gpointer owned) { delete static_cast<SharedBytes*>(owned); });
+      bytes->size(), Carried<SharedBytes>::make(bytes), Carried<SharedBytes>::destroy);
 }
 
 std::string launch_line(const RtspStreamOptions& options) {
@@ -32,8 +32,6 @@ std::string launch_line(const RtspStreamOptions& options) {
       "rtph264pay name=pay0 pt=96 config-interval=-1 aggregate-mode=zero-latency )",
       options.width, options.height, numerator, denominator);
 }
-
-void delete_stream_ptr(gpointer data, GClosure*) { delete static_cast<StreamPtr*>(data); }
 
 }  // namespace
 
@@ -108,10 +106,11 @@ bool SharedStream::send(Media& media, const EncodedPacket& packet) {
   }
   media.needs_keyframe = false;
   GstBuffer* buffer = wrap_bytes(packet.bytes);
-  GST_BUFFER_PTS(buffer) = media.clock.running_time(
+  const uint64_t pts = media.clock.running_time(
       to_ns(packet.capture), static_cast<int64_t>(gst_clock_get_time(clock.get())),
       static_cast<int64_t>(gst_element_get_base_time(media.source.get())));
-  if (!packet.keyframe) GST_BUFFER_FLAG_SET(buffer, GST_BUFFER_FLAG_DELTA_UNIT);
+  set_times(buffer, pts, GST_CLOCK_TIME_NONE);
+  if (!packet.keyframe) mark_as_delta(buffer);
   gst_app_src_push_buffer(source, buffer);
   return true;
 }
@@ -127,9 +126,10 @@ GObjectPtr<GstRTSPMediaFactory> SharedStream::make_factory() {
       static_cast<GstRTSPLowerTrans>(GST_RTSP_LOWER_TRANS_UDP | GST_RTSP_LOWER_TRANS_TCP));
   g_signal_connect_data(factory.get(), "media-configure",
                         G_CALLBACK(+[](GstRTSPMediaFactory*, GstRTSPMedia* media, gpointer self) {
-                          (*static_cast<StreamPtr*>(self))->add_media(media);
+                          const LibraryCall call(self);
+                          StreamPtr::in(self)->add_media(media);
                         }),
-                        new StreamPtr(shared_from_this()), delete_stream_ptr,
+                        StreamPtr::make(shared_from_this()), StreamPtr::destroy_closure,
                         static_cast<GConnectFlags>(0));
   return factory;
 }
@@ -147,18 +147,20 @@ void SharedStream::add_media(GstRTSPMedia* media) {
     medias_.insert_or_assign(media, std::move(state));
   }
   g_signal_connect_data(media, "unprepared", G_CALLBACK(+[](GstRTSPMedia* gone, gpointer self) {
-                          (*static_cast<StreamPtr*>(self))->remove_media(gone);
+                          const LibraryCall call(self);
+                          StreamPtr::in(self)->remove_media(gone);
                         }),
-                        new StreamPtr(shared_from_this()), delete_stream_ptr,
+                        StreamPtr::make(shared_from_this()), StreamPtr::destroy_closure,
                         static_cast<GConnectFlags>(0));
   // A media that never got as far as being prepared ends without that signal.
   g_object_weak_ref(
       G_OBJECT(media),
       [](gpointer self, GObject* gone) {
-        const std::unique_ptr<StreamPtr> stream(static_cast<StreamPtr*>(self));
-        (*stream)->remove_media(gone);
+        taken_from_library(self);
+        StreamPtr::in(self)->remove_media(gone);
+        StreamPtr::destroy(self);
       },
-      new StreamPtr(shared_from_this()));
+      StreamPtr::make(shared_from_this()));
   report_wanted();
   ask_for_keyframe();
 }
