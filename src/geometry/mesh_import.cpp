@@ -16,6 +16,7 @@
 #include <memory>
 #include <set>
 
+#include "mesh_check.hpp"
 #include "mesh_readers.hpp"
 #include "sightline/base/files.hpp"
 
@@ -225,11 +226,23 @@ class SceneReader {
   PolygonMesh out_;
 };
 
+Result<CheckedMesh> check(std::string_view content, const std::string& format,
+                          const std::string& where) {
+  if (format == "obj") return check_obj(content, where);
+  if (format == "off") return check_off(content, where);
+  if (format == "ply") return check_ply(content, where);
+  if (format == "stl") return check_stl(content, where);
+  if (format == "gltf") return check_gltf(content, where);
+  return check_glb(content, where);
+}
+
 }  // namespace
 
-Result<TriangleMesh> import_mesh(std::string_view content, const std::string& format,
+Result<TriangleMesh> import_mesh(std::string_view file, const std::string& format,
                                  const std::string& where, const std::filesystem::path& directory,
                                  const MeshOptions& options) try {
+  SL_ASSIGN(const CheckedMesh checked, check(file, format, where));
+  const std::string_view content = checked.content ? std::string_view(*checked.content) : file;
   Assimp::Importer importer;
   keep_loaders_of(format, &importer);
   const std::string name = "mesh." + format;
@@ -242,6 +255,11 @@ Result<TriangleMesh> import_mesh(std::string_view content, const std::string& fo
   // STL stores what the writer thought of each facet, often zero: made anew from the geometry.
   const bool use_normals = format != "stl";
   SL_ASSIGN(const PolygonMesh polygons, SceneReader(*scene, use_normals, where, options).read());
+  if (checked.faces && polygons.corner_counts.size() != *checked.faces) {
+    return make_error(ErrorCode::kInternal, where,
+                      "{} of {} faces were understood; the others may have indices out of range",
+                      polygons.corner_counts.size(), *checked.faces);
+  }
   return triangulate_polygons(polygons, where, options);
 } catch (const std::exception& e) {
   return make_error(ErrorCode::kInvalidInput, where, "cannot read as {}: {}", format, e.what());

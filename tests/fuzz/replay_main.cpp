@@ -6,6 +6,9 @@
 //
 //     fuzz_NAME [--runs N] [--max-bytes N] CORPUS_DIRECTORY_OR_FILE...
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
@@ -115,8 +118,30 @@ class Mutator {
   std::mt19937_64 rng_{20240229};
 };
 
-void run(const std::string& text, const fs::path& last_input) {
-  std::ofstream(last_input, std::ios::binary | std::ios::trunc) << text;
+/// Keeps the input under test in a file, for when the program dies of it.
+class LastInput {
+ public:
+  explicit LastInput(std::string path)
+      : path_(std::move(path)), fd_(::open(path_.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0644)) {}
+  LastInput(const LastInput&) = delete;
+  LastInput& operator=(const LastInput&) = delete;
+  ~LastInput() {
+    ::close(fd_);
+    fs::remove(path_);
+  }
+
+  void keep(const std::string& text) const {
+    const ssize_t written = ::pwrite(fd_, text.data(), text.size(), 0);
+    if (written < 0 || ::ftruncate(fd_, written) != 0) std::perror(path_.c_str());
+  }
+
+ private:
+  std::string path_;
+  int fd_;
+};
+
+void run(const std::string& text, const LastInput& last_input) {
+  last_input.keep(text);
   LLVMFuzzerTestOneInput(reinterpret_cast<const uint8_t*>(text.data()), text.size());
 }
 
@@ -132,14 +157,13 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "usage: %s [--runs N] [--max-bytes N] CORPUS...\n", argv[0]);
     return 2;
   }
-  const fs::path last_input = std::string(argv[0]) + ".last_input";
+  const LastInput last_input(std::string(argv[0]) + ".last_input");
   for (const std::string& text : corpus) run(text, last_input);
   Mutator mutator(corpus);
   for (size_t i = 0; i < arguments.runs; ++i) {
     run(mutator.mutate(corpus[mutator.below(corpus.size())]).substr(0, arguments.max_bytes),
         last_input);
   }
-  fs::remove(last_input);
   std::printf("%zu files and %zu mutations of them\n", corpus.size(), arguments.runs);
   return 0;
 }
