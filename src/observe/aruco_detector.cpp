@@ -51,19 +51,33 @@ const DictionaryName* find_dictionary(const std::string& name) {
   return nullptr;
 }
 
+/// Two threshold windows find nearly what three do, for two thirds of the time; wider margins
+/// around the bits decode small markers better (measured on both board recordings).
+template <typename Parameters>
+void tune(Parameters& parameters) {
+  parameters.adaptiveThreshWinSizeMin = 3;
+  parameters.adaptiveThreshWinSizeMax = 13;
+  parameters.adaptiveThreshWinSizeStep = 10;
+  parameters.perspectiveRemoveIgnoredMarginPerCell = 0.3;
+}
+
 /// The one place that knows which OpenCV it is.
 class Markers {
  public:
 #if SIGHTLINE_OPENCV_ARUCO_CLASSES
   static cv::aruco::Dictionary dictionary(int id) { return cv::aruco::getPredefinedDictionary(id); }
-  explicit Markers(const cv::aruco::Dictionary& dictionary)
-      : detector_(dictionary, cv::aruco::DetectorParameters()) {}
+  explicit Markers(const cv::aruco::Dictionary& dictionary) : detector_(dictionary, tuned()) {}
   void detect(const cv::Mat& image, std::vector<std::vector<cv::Point2f>>& corners,
               std::vector<int>& ids) {
     detector_.detectMarkers(image, corners, ids);
   }
 
  private:
+  static cv::aruco::DetectorParameters tuned() {
+    cv::aruco::DetectorParameters parameters;
+    tune(parameters);
+    return parameters;
+  }
   cv::aruco::ArucoDetector detector_;
 #else
   static cv::aruco::Dictionary dictionary(int id) {
@@ -71,7 +85,9 @@ class Markers {
   }
   explicit Markers(const cv::aruco::Dictionary& dictionary)
       : dictionary_(cv::makePtr<cv::aruco::Dictionary>(dictionary)),
-        parameters_(cv::aruco::DetectorParameters::create()) {}
+        parameters_(cv::aruco::DetectorParameters::create()) {
+    tune(*parameters_);
+  }
   void detect(const cv::Mat& image, std::vector<std::vector<cv::Point2f>>& corners,
               std::vector<int>& ids) {
     cv::aruco::detectMarkers(image, dictionary_, corners, ids, parameters_);
@@ -118,7 +134,7 @@ class ArucoDetector : public SquareDetector {
   }
 
   Border border(int) const override { return {modules_, inverted_}; }
-  double min_side_px() const override { return 3.5 * modules_; }
+  double min_side_px() const override { return 2.5 * modules_; }
 
  private:
   /// Sets image_ to the region at `scale` and returns full-size pixels per pixel of it.

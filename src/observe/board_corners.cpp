@@ -9,8 +9,10 @@
 namespace sightline::observe {
 namespace {
 
-constexpr double kMarkerSigmaPx = 1.0;   // of a marker's corner as the detector gives it
-constexpr double kMarkerAgreesPx = 3.0;  // farther off, a marker is not this board's
+constexpr double kMarkerSigmaPx = 1.0;      // of a marker's corner as the detector gives it
+constexpr double kMarkerAgreesPx = 3.0;     // farther off, a marker is not this board's
+constexpr double kMarkerTolerancePx = 2.0;  // of a corner predicted from markers
+constexpr double kCornerTolerancePx = 1.0;  // of a corner predicted from other corners
 constexpr int kMinWindow = 2, kMaxWindow = 7;
 constexpr double kMinSaddleContrast = 8;  // grey levels between the two diagonals
 
@@ -77,8 +79,8 @@ const BoardLayout* BoardFinder::choose(const std::vector<SquareDetection>& marke
 }
 
 std::optional<Eigen::Vector2d> BoardFinder::refine(const PlaneView& grey, const BoardLayout& layout,
-                                                   const Rigid3& camera_from_board,
-                                                   int corner) const {
+                                                   const Rigid3& camera_from_board, int corner,
+                                                   double tolerance_px) const {
   const CameraModel& camera = camera_->model;
   const Eigen::Vector2d at = layout.corner(corner);
   const auto start = camera.project(camera_from_board * lift(at));
@@ -108,7 +110,8 @@ std::optional<Eigen::Vector2d> BoardFinder::refine(const PlaneView& grey, const 
   cv::cornerSubPix(image, points, {window, window}, {-1, -1},
                    {cv::TermCriteria::EPS | cv::TermCriteria::COUNT, 20, 0.01});
   const Eigen::Vector2d found(points[0].x, points[0].y);
-  if ((found - *start).norm() > std::max(2.0, 0.5 * plain_px)) return std::nullopt;
+  if ((found - *start).norm() > std::max(tolerance_px, 0.25 * tolerance_px * plain_px))
+    return std::nullopt;
 
   // A hand or a highlight may cover the corner: the four squares must alternate as printed.
   std::array<double, 4> levels{};
@@ -128,6 +131,16 @@ std::optional<Eigen::Vector2d> BoardFinder::refine(const PlaneView& grey, const 
   return found;
 }
 
+std::optional<Rigid3> BoardFinder::pose_of(const PlanarView& view, double sigma_px) const {
+  std::vector<PointMatch> matches;
+  for (size_t i = 0; i < view.points.size(); ++i) {
+    matches.push_back({lift(view.points[i]), view.pixels[i], sigma_px});
+  }
+  const auto poses = pose_hypotheses(CornerTerm(at_origin_, matches, 2.0), {view}, 0);
+  if (poses.empty()) return std::nullopt;
+  return poses.front().world_from_object;
+}
+
 std::optional<PlanarView> BoardFinder::find(const PlaneView& grey,
                                             const std::vector<SquareDetection>& markers,
                                             int min_corners) {
@@ -139,15 +152,26 @@ std::optional<PlanarView> BoardFinder::find(const PlaneView& grey,
     return std::find(best.good.begin(), best.good.end(), id) != best.good.end();
   };
   PlanarView view;
-  for (int corner = 0; corner < layout->corners(); ++corner) {
-    const auto [a, b] = layout->markers_at(corner);
-    if (!seen(a) && !seen(b)) continue;
-    const auto pixel = refine(grey, *layout, best.camera_from_board, corner);
-    if (!pixel) continue;
+  std::vector<int> others;
+  const auto add = [&](int corner, const Rigid3& camera_from_board, double tolerance_px) {
+    const auto pixel = refine(grey, *layout, camera_from_board, corner, tolerance_px);
+    if (!pixel) return;
     view.points.push_back(layout->corner(corner));
     view.pixels.push_back(*pixel);
+  };
+  for (int corner = 0; corner < layout->corners(); ++corner) {
+    const auto [a, b] = layout->markers_at(corner);
+    if (seen(a) || seen(b)) {
+      add(corner, best.camera_from_board, kMarkerTolerancePx);
+    } else {
+      others.push_back(corner);
+    }
   }
   if (static_cast<int>(view.points.size()) < min_corners) return std::nullopt;
+  if (others.empty()) return view;
+  if (const auto pose = pose_of(view, kMarkerSigmaPx)) {
+    for (int corner : others) add(corner, *pose, kCornerTolerancePx);
+  }
   return view;
 }
 

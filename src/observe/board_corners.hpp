@@ -13,8 +13,9 @@
 namespace sightline::observe {
 
 /// Finds the inner corners of one ChArUco board from its markers: pose of the board from the
-/// markers' corners, every inner corner next to a marker projected through the lens, and refined
-/// as a saddle point at full size in a window that ends before the markers begin.
+/// markers' corners, inner corners next to a marker projected through the lens, and refined as
+/// saddle points at full size in a window that ends before the markers begin. The pose of those
+/// then says where the other inner corners are, also where a marker was too small to decode.
 class BoardFinder {
  public:
   BoardFinder(const CharucoBoard& board, std::shared_ptr<const CalibratedCamera> camera);
@@ -34,7 +35,9 @@ class BoardFinder {
                          const std::vector<SquareDetection>& markers) const;
   const BoardLayout* choose(const std::vector<SquareDetection>& markers, Fit& fit);
   std::optional<Eigen::Vector2d> refine(const PlaneView& grey, const BoardLayout& layout,
-                                        const Rigid3& camera_from_board, int corner) const;
+                                        const Rigid3& camera_from_board, int corner,
+                                        double tolerance_px) const;
+  std::optional<Rigid3> pose_of(const PlanarView& view, double sigma_px) const;
 
   CharucoBoard board_;
   std::shared_ptr<const CalibratedCamera> camera_;
