@@ -18,21 +18,24 @@
 namespace sightline::observe {
 namespace {
 
+/// The classic families exist in OpenCV too, which draws them half a turn from the library's own
+/// pictures (until OpenCV 5). Their upright is OpenCV's here, as in the recordings' object files.
 struct FamilyMaker {
   const char* name;
+  bool half_turn;
   apriltag_family_t* (*create)();
   void (*destroy)(apriltag_family_t*);
 };
 constexpr std::array kFamilies = {
-    FamilyMaker{"tag36h11", tag36h11_create, tag36h11_destroy},
-    FamilyMaker{"tag25h9", tag25h9_create, tag25h9_destroy},
-    FamilyMaker{"tag16h5", tag16h5_create, tag16h5_destroy},
-    FamilyMaker{"tag36h10", tag36h10_create, tag36h10_destroy},
-    FamilyMaker{"tagCircle21h7", tagCircle21h7_create, tagCircle21h7_destroy},
-    FamilyMaker{"tagCircle49h12", tagCircle49h12_create, tagCircle49h12_destroy},
-    FamilyMaker{"tagStandard41h12", tagStandard41h12_create, tagStandard41h12_destroy},
-    FamilyMaker{"tagStandard52h13", tagStandard52h13_create, tagStandard52h13_destroy},
-    FamilyMaker{"tagCustom48h12", tagCustom48h12_create, tagCustom48h12_destroy},
+    FamilyMaker{"tag36h11", true, tag36h11_create, tag36h11_destroy},
+    FamilyMaker{"tag25h9", true, tag25h9_create, tag25h9_destroy},
+    FamilyMaker{"tag16h5", true, tag16h5_create, tag16h5_destroy},
+    FamilyMaker{"tag36h10", true, tag36h10_create, tag36h10_destroy},
+    FamilyMaker{"tagCircle21h7", false, tagCircle21h7_create, tagCircle21h7_destroy},
+    FamilyMaker{"tagCircle49h12", false, tagCircle49h12_create, tagCircle49h12_destroy},
+    FamilyMaker{"tagStandard41h12", false, tagStandard41h12_create, tagStandard41h12_destroy},
+    FamilyMaker{"tagStandard52h13", false, tagStandard52h13_create, tagStandard52h13_destroy},
+    FamilyMaker{"tagCustom48h12", false, tagCustom48h12_create, tagCustom48h12_destroy},
 };
 
 const FamilyMaker* find_family(const std::string& name) {
@@ -47,6 +50,7 @@ using FamilyPtr = std::unique_ptr<apriltag_family_t, void (*)(apriltag_family_t*
 /// A family reduced to the codes in use.
 struct UsedFamily {
   FamilyPtr family;
+  bool half_turn;
   std::vector<int> codes;  ///< of the detector, by index in the reduced family
 };
 
@@ -106,12 +110,15 @@ class AprilTagDetector : public SquareDetector {
 
   SquareDetection to_detection(const apriltag_detection_t& tag, const Region& region) const {
     SquareDetection out;
+    // The library's corners run from bottom-left anticlockwise, with pixel centres at halves.
+    size_t top_left = 3;
     for (const UsedFamily& used : families_) {
-      if (used.family.get() == tag.family) out.code = used.codes[static_cast<size_t>(tag.id)];
+      if (used.family.get() != tag.family) continue;
+      out.code = used.codes[static_cast<size_t>(tag.id)];
+      if (used.half_turn) top_left = 1;
     }
-    // The library's corners run from top-right anticlockwise, with pixel centres at halves.
     for (size_t k = 0; k < 4; ++k) {
-      const double* p = tag.p[(5 - k) % 4];
+      const double* p = tag.p[(top_left + 4 - k) % 4];
       out.corners[k] = {p[0] - 0.5 + region.left, p[1] - 0.5 + region.top};
     }
     return out;
@@ -139,7 +146,7 @@ Result<std::unique_ptr<SquareDetector>> make_apriltag_detector(const std::vector
                                                                const std::string& where) {
   std::vector<UsedFamily> families;
   for (const FamilyMaker& maker : kFamilies) {
-    UsedFamily used{FamilyPtr(nullptr, maker.destroy), {}};
+    UsedFamily used{FamilyPtr(nullptr, maker.destroy), maker.half_turn, {}};
     std::vector<uint64_t> bits;
     for (size_t i = 0; i < codes.size(); ++i) {
       if (codes[i].family != maker.name) continue;

@@ -199,8 +199,9 @@ std::optional<RefinedSquare> refine_square(const PlaneView& grey, const LightTab
           measure_edge({grey, light}, camera, now[k], now[(k + 1) % 4], border, reach);
       if (edge.fit.kept < 3 || edge.fit.kept < kMinSeen * edge.tried) return std::nullopt;
       lines[k] = edge.fit.line;
-      // At its end a fitted line is twice as uncertain as a mean of its points.
-      variance += edge.fit.scatter * edge.fit.scatter * 4 / edge.fit.kept / 4;
+      // At its end a fitted line is twice as uncertain as a mean of its points; and neighbouring
+      // points share pixels, so that only about half of them count. The mean over four edges.
+      variance += edge.fit.scatter * edge.fit.scatter * (4.0 * 2.0 / 4.0) / edge.fit.kept;
     }
     double moved = 0;
     for (size_t k = 0; k < 4; ++k) {
