@@ -7,12 +7,20 @@
 
 namespace sightline::fuse {
 
+/// Learned factors of the nominal power densities of acceleration.
+struct MotionScale {
+  double angular = 1.0;
+  double linear = 1.0;
+
+  friend bool operator==(const MotionScale&, const MotionScale&) = default;
+};
+
 /// One pose that the object may have, with its filter state.
 struct Hypothesis {
   PoseEstimate estimate;
-  double evidence = 0;        ///< -2 log likelihood, the best of the bank at 0
-  int confirmations = 0;      ///< camera frames that agreed since it was found
-  double motion_scale = 1.0;  ///< of the nominal power density of acceleration, as learned
+  double evidence = 0;    ///< -2 log likelihood, the best of the bank at 0
+  int confirmations = 0;  ///< camera frames that agreed since it was found
+  MotionScale motion;
   /// Contradicts the hypothesis in force and has to prove itself before it is published.
   bool challenger = false;
 };

@@ -71,7 +71,7 @@ void HypothesisBank::step(const BankState& before, Time time, std::span<const Ob
   } else {
     for (int i = 0; i < after.count; ++i) {
       Hypothesis& hypothesis = after.hypotheses[static_cast<size_t>(i)];
-      hypothesis.estimate = moved_to(time, hypothesis, hypothesis.motion_scale);
+      hypothesis.estimate = moved_to(time, hypothesis, hypothesis.motion);
     }
   }
   const Outcome* best = outcomes_.empty() ? nullptr : &outcomes_.front();
@@ -87,7 +87,10 @@ void HypothesisBank::expire(Time time, BankState& state) const {
     if (age > options_.lost_after) continue;
     state.hypotheses[static_cast<size_t>(kept)] = old;
     // What was learned of the motion does not outlast a gap.
-    if (age > options_.max_hold) calm_is_over(state.hypotheses[static_cast<size_t>(kept)]);
+    if (age > options_.max_hold) {
+      MotionScale& motion = state.hypotheses[static_cast<size_t>(kept)].motion;
+      motion = at_least_nominal(motion);
+    }
     ++kept;
   }
   state.count = kept;
@@ -98,13 +101,9 @@ void HypothesisBank::expire(Time time, BankState& state) const {
 }
 
 PoseEstimate HypothesisBank::moved_to(Time time, const Hypothesis& hypothesis,
-                                      double motion_scale) const {
+                                      const MotionScale& motion) const {
   PoseEstimate estimate = hypothesis.estimate;
-  if (time != estimate.time) {
-    const double root = std::sqrt(motion_scale);
-    estimate =
-        predict(estimate, time, {options_.noise.angular * root, options_.noise.linear * root});
-  }
+  if (time != estimate.time) estimate = predict(estimate, time, scaled(options_.noise, motion));
   estimate.cameras = 0;
   return estimate;
 }
@@ -126,17 +125,17 @@ bool HypothesisBank::too_loose(const PoseEstimate& estimate) const {
 // Updates one hypothesis with the set.
 void HypothesisBank::follow(const Hypothesis& hypothesis, Time time) {
   Hypothesis moved = hypothesis;
-  moved.estimate = moved_to(time, hypothesis, hypothesis.motion_scale);
+  moved.estimate = moved_to(time, hypothesis, hypothesis.motion);
   if (too_loose(moved.estimate)) {
     follow_loose(moved, time);
     return;
   }
   vote_.hold(pose_prior(moved.estimate), voters_, moved.estimate.world_from_object, verdict_);
-  const double wanted = wanted_scale(hypothesis.motion_scale);
-  if (wanted > hypothesis.motion_scale) {
+  const MotionScale wanted = wanted_scale(hypothesis.motion);
+  if (wanted != hypothesis.motion) {
     // Livelier than it was of late: predict once more with that in mind.
     const bool sudden = verdict_.accepted == 0;
-    moved.motion_scale = wanted;
+    moved.motion = wanted;
     moved.estimate = moved_to(time, hypothesis, wanted);
     vote_.hold(pose_prior(moved.estimate), voters_, moved.estimate.world_from_object, verdict_);
     if (sudden && std::popcount(verdict_.accepted) == 1) moved.confirmations = 0;
@@ -145,7 +144,7 @@ void HypothesisBank::follow(const Hypothesis& hypothesis, Time time) {
   if (verdict_.accepted != 0 && 2.0 * verdict_.minimum.prior_cost > surprise_limit_) {
     verdict_.gated |= std::exchange(verdict_.accepted, 0);
   }
-  if (verdict_.accepted == 0) moved.motion_scale = hypothesis.motion_scale;
+  if (verdict_.accepted == 0) moved.motion = hypothesis.motion;
   add_outcome(moved, time);
 }
 
@@ -172,13 +171,11 @@ void HypothesisBank::follow_loose(const Hypothesis& moved, Time time) {
 
 // Motion noise that would have made the set unsurprising; never above the nominal one (or what it
 // is already) in one step.
-double HypothesisBank::wanted_scale(double scale) const {
-  if (!options_.adapt_motion) return scale;
-  const double limit = std::max(1.0, scale);
-  if (verdict_.accepted == 0) return verdict_.gated != 0 ? limit : scale;
-  const Surprise surprise = measure_surprise(verdict_.minimum);
-  if (surprise.squared <= kSurpriseAlarm || surprise.dof < 1.0) return scale;
-  return std::min(limit, scale * surprise.squared / surprise.dof);
+MotionScale HypothesisBank::wanted_scale(const MotionScale& motion) const {
+  if (!options_.adapt_motion) return motion;
+  if (verdict_.accepted == 0) return verdict_.gated != 0 ? at_least_nominal(motion) : motion;
+  const Surprises surprises = measure_surprise(verdict_.minimum);
+  return surprises.pose.squared > kSurpriseAlarm ? raised(surprises, motion) : motion;
 }
 
 // `moved`: the hypothesis at the set's time; verdict_: what the set made of it.
@@ -196,7 +193,7 @@ void HypothesisBank::add_outcome(const Hypothesis& moved, Time time) {
     h.estimate.cameras = verdict_.accepted;
     h.estimate.last_measured = time;
     h.confirmations = moved.confirmations + std::popcount(verdict_.accepted);
-    if (options_.adapt_motion) adapt_motion(measure_surprise(verdict_.minimum), h);
+    if (options_.adapt_motion) learn(measure_surprise(verdict_.minimum), h.motion);
   }
   outcomes_.push_back(outcome);
 }

@@ -24,11 +24,11 @@ class HypothesisBank {
 
  private:
   void expire(Time time, BankState& state) const;
-  PoseEstimate moved_to(Time time, const Hypothesis& hypothesis, double motion_scale) const;
+  PoseEstimate moved_to(Time time, const Hypothesis& hypothesis, const MotionScale& motion) const;
   void collect_voters(std::span<const Observation> set, const BankState& state);
   void follow(const Hypothesis& hypothesis, Time time);
   void follow_loose(const Hypothesis& moved, Time time);
-  double wanted_scale(double scale) const;
+  MotionScale wanted_scale(const MotionScale& motion) const;
   void start(Time time, double evidence, bool challenger);
   void start_from(const Voter& proposer, const Rigid3& pose, Time time, double evidence,
                   bool challenger);

@@ -8,28 +8,60 @@
 namespace sightline::fuse {
 namespace {
 
-constexpr double kGain = 0.1;  // of the logarithm, per fully informative update
-constexpr double kMaxGrowth = 1.0;
-constexpr double kMinScale = 0.0025;  // a twentieth of the nominal acceleration
+constexpr double kGain = 0.15;        // of the logarithm, per update
+constexpr double kMaxGrowth = 1.0;    // of the logarithm, per update
+constexpr double kMinScale = 0.0004;  // a fiftieth of the nominal acceleration
 constexpr double kMaxScale = 4.0;
+constexpr double kLittle = 0.05;  // [dof] below: the set says nothing of the prediction
+
+// The offset from a right prediction has the covariance P - P_posterior, so the expectation of
+// offset^T P^-1 offset is tr(I - P^-1 P_posterior); so for any block of the pose.
+Surprise of_block(const Matrix6& prior, const Matrix6& posterior, const Vector6& offset, int at) {
+  const Eigen::Matrix3d block = prior.block<3, 3>(at, at);
+  const Eigen::LLT<Eigen::Matrix3d> solver(block);
+  const Eigen::Vector3d part = offset.segment<3>(at);
+  const Eigen::Matrix3d kept = solver.solve(Eigen::Matrix3d(posterior.block<3, 3>(at, at)));
+  return {part.dot(solver.solve(part)), 3.0 - kept.trace()};
+}
+
+// Steps of equal spread, however much of the prediction the set has tested.
+double learned(const Surprise& surprise, double scale) {
+  if (surprise.dof < kLittle) return scale;
+  const double step = kGain * (surprise.squared - surprise.dof) / std::sqrt(3.0 * surprise.dof);
+  return std::clamp(scale * std::exp(std::min(step, kMaxGrowth)), kMinScale, kMaxScale);
+}
+
+double raised(const Surprise& surprise, double scale) {
+  if (surprise.dof < kLittle || surprise.squared < surprise.dof) return scale;
+  return std::min(std::max(1.0, scale), scale * surprise.squared / surprise.dof);
+}
 
 }  // namespace
 
-// The offset from a right prediction has the covariance P - P_posterior, so the expectation of
-// offset^T P^-1 offset is tr(I - P^-1 P_posterior).
-Surprise measure_surprise(const PoseMinimum& minimum) {
-  const Matrix6 kept = minimum.information().ldlt().solve(minimum.prior_information);
-  return {2.0 * minimum.prior_cost, 6.0 - kept.trace()};
+Surprises measure_surprise(const PoseMinimum& minimum) {
+  const Matrix6 prior = minimum.prior_information.ldlt().solve(Matrix6::Identity());
+  const Matrix6 posterior = minimum.information().ldlt().solve(Matrix6::Identity());
+  const Matrix6 kept = minimum.prior_information * posterior;
+  return {{2.0 * minimum.prior_cost, 6.0 - kept.trace()},
+          of_block(prior, posterior, minimum.offset, 0),
+          of_block(prior, posterior, minimum.offset, 3)};
 }
 
-void adapt_motion(const Surprise& surprise, Hypothesis& hypothesis) {
-  const double step = kGain / 6.0 * (surprise.squared - surprise.dof);
-  hypothesis.motion_scale = std::clamp(
-      hypothesis.motion_scale * std::exp(std::min(step, kMaxGrowth)), kMinScale, kMaxScale);
+MotionNoise scaled(const MotionNoise& nominal, const MotionScale& scale) {
+  return {nominal.angular * std::sqrt(scale.angular), nominal.linear * std::sqrt(scale.linear)};
 }
 
-void calm_is_over(Hypothesis& hypothesis) {
-  hypothesis.motion_scale = std::max(1.0, hypothesis.motion_scale);
+void learn(const Surprises& surprises, MotionScale& scale) {
+  scale = {learned(surprises.rotation, scale.angular),
+           learned(surprises.translation, scale.linear)};
+}
+
+MotionScale raised(const Surprises& surprises, const MotionScale& scale) {
+  return {raised(surprises.rotation, scale.angular), raised(surprises.translation, scale.linear)};
+}
+
+MotionScale at_least_nominal(const MotionScale& scale) {
+  return {std::max(1.0, scale.angular), std::max(1.0, scale.linear)};
 }
 
 }  // namespace sightline::fuse

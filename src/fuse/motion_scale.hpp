@@ -12,12 +12,26 @@ struct Surprise {
   double squared = 0;
   double dof = 0;
 };
-Surprise measure_surprise(const PoseMinimum& minimum);
 
-/// Learns the power density of acceleration from the surprise (docs/estimator.md, "Motion noise").
-void adapt_motion(const Surprise& surprise, Hypothesis& hypothesis);
+/// The same of the whole pose and of its two halves.
+struct Surprises {
+  Surprise pose;
+  Surprise rotation;
+  Surprise translation;
+};
+Surprises measure_surprise(const PoseMinimum& minimum);
+
+/// The nominal densities scaled by what was learned.
+MotionNoise scaled(const MotionNoise& nominal, const MotionScale& scale);
+
+/// Learns the power densities of acceleration from the surprise (docs/estimator.md, "Motion
+/// noise").
+void learn(const Surprises& surprises, MotionScale& scale);
+
+/// The scale that would have made a surprising set normal, within [scale, at_least_nominal(scale)].
+MotionScale raised(const Surprises& surprises, const MotionScale& scale);
 
 /// Back to the nominal density at least: nothing was learned of the motion lately.
-void calm_is_over(Hypothesis& hypothesis);
+MotionScale at_least_nominal(const MotionScale& scale);
 
 }  // namespace sightline::fuse

@@ -121,7 +121,9 @@ void publish(Time time, bool contradicted, const EstimatorOptions& options, Bank
   out.time = time;
   out.state = classify(time, contradicted, options, state);
   if (out.state != TrackState::kCoasting) return;
-  for (int i = 0; i < state.count; ++i) calm_is_over(state.hypotheses[static_cast<size_t>(i)]);
+  for (Hypothesis& hypothesis : state.hypotheses) {
+    hypothesis.motion = at_least_nominal(hypothesis.motion);
+  }
 }
 
 TrackState state_in_silence(const BankState& state, Time now, const EstimatorOptions& options) {
