@@ -360,7 +360,7 @@ class CameraRenderer::Impl {
         const double age = to_seconds(capture_ - when) / span;
         const auto opacity = static_cast<float>(std::clamp(1 - age, 0.0, 1.0));
         draw::line(surface_->canvas, *previous, here,
-                   {subject.look.color, subject.look.line_px, opacity});
+                   {subject.look.color, subject.look.line_px, opacity, false});
       }
       previous = here;
     };

@@ -33,6 +33,7 @@ struct Pen {
   Yuv color;
   float width = 2;    ///< [px]
   float opacity = 1;  ///< 0..1
+  bool luma_only = false;
 };
 
 /// Lengths along the line [px]; off = 0: solid.

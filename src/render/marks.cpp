@@ -15,13 +15,14 @@ constexpr float kXrayOpacity = 0.7f;
 
 draw::Pen pen_of(const Look& look, bool behind_scene) {
   return {behind_scene ? look.xray_color : look.color, look.line_px,
-          behind_scene ? kXrayOpacity : 1.0f};
+          behind_scene ? kXrayOpacity : 1.0f, false};
 }
 
 }  // namespace
 
 draw::Pen halo_of(const draw::Pen& pen) {
-  return {kDark, pen.width + 2, kHaloOpacity * pen.opacity};
+  // Darker is enough: leaving chroma alone keeps the colour of the line beside it.
+  return {kDark, pen.width + 2, kHaloOpacity * pen.opacity, true};
 }
 
 std::optional<Circle> sphere_circle(const CameraModel& model,

@@ -33,7 +33,7 @@ TEST(Draw, LineHasItsLengthAndWidth) {
                              std::pair{Point(20.3f, 15.1f), Point(71.9f, 66.6f)},
                              std::pair{Point(40, 80), Point(43.5f, 12)}}) {
     GreyPicture picture(100, 90, 235);
-    draw::line(draw::canvas_of(picture.mutable_view()), a, b, {{16, 128, 128}, 3, 1});
+    draw::line(draw::canvas_of(picture.mutable_view()), a, b, {{16, 128, 128}, 3, 1, false});
     const double length = (b - a).cast<double>().norm();
     EXPECT_NEAR(ink(picture, 235), 3 * length, 0.05 * length + 2);
   }
@@ -41,7 +41,7 @@ TEST(Draw, LineHasItsLengthAndWidth) {
 
 TEST(Draw, LineKeepsItsColourInChroma) {
   GreyPicture picture(64, 64, 120);
-  draw::line(draw::canvas_of(picture.mutable_view()), {8, 21}, {56, 44}, {kRed, 2, 1});
+  draw::line(draw::canvas_of(picture.mutable_view()), {8, 21}, {56, 44}, {kRed, 2, 1, false});
   int strongest = 128;
   for (int x = 0; x < 32; ++x) {
     for (int y = 0; y < 32; ++y) strongest = std::max<int>(strongest, picture.view().v.row(y)[x]);
@@ -51,7 +51,7 @@ TEST(Draw, LineKeepsItsColourInChroma) {
 
 TEST(Draw, NothingOutsideTheLine) {
   GreyPicture picture(101, 57, 128);
-  draw::line(draw::canvas_of(picture.mutable_view()), {10, 10}, {90, 50}, {kRed, 2, 1});
+  draw::line(draw::canvas_of(picture.mutable_view()), {10, 10}, {90, 50}, {kRed, 2, 1, false});
   const Point along = Point(80, 40).normalized();
   for (const auto& [x, y] : differing_luma(picture.view(), 128)) {
     const Point d = Point(static_cast<float>(x), static_cast<float>(y)) - Point(10, 10);
@@ -64,7 +64,7 @@ TEST(Draw, DashesLeaveGapsAndRunOnAroundCorners) {
   GreyPicture solid(120, 40, 235);
   GreyPicture dashed(120, 40, 235);
   const std::array<Point, 3> corner = {Point(10, 10), Point(59, 10), Point(110, 10)};
-  const Pen pen{{16, 128, 128}, 2, 1};
+  const Pen pen{{16, 128, 128}, 2, 1, false};
   draw::polyline(draw::canvas_of(solid.mutable_view()), corner, pen);
   draw::polyline(draw::canvas_of(dashed.mutable_view()), corner, pen, {8, 6});
   const double share = ink(dashed, 235) / ink(solid, 235);
@@ -77,7 +77,7 @@ TEST(Draw, DashesLeaveGapsAndRunOnAroundCorners) {
 TEST(Draw, CircleLiesAtItsRadius) {
   GreyPicture picture(120, 110, 200);
   const Point center(60.25f, 50.5f);
-  draw::circle(draw::canvas_of(picture.mutable_view()), center, 31, {{16, 128, 128}, 2, 1});
+  draw::circle(draw::canvas_of(picture.mutable_view()), center, 31, {{16, 128, 128}, 2, 1, false});
   double sum = 0;
   for (const auto& [x, y] : differing_luma(picture.view(), 200)) {
     const float r = (Point(static_cast<float>(x), static_cast<float>(y)) - center).norm();
@@ -91,8 +91,8 @@ TEST(Draw, CircleLiesAtItsRadius) {
 TEST(Draw, DashedCircleLiesAtItsRadius) {
   GreyPicture picture(120, 110, 200);
   const Point center(60, 50);
-  draw::dashed_circle(draw::canvas_of(picture.mutable_view()), center, 40, {{16, 128, 128}, 2, 1},
-                      {8, 6});
+  draw::dashed_circle(draw::canvas_of(picture.mutable_view()), center, 40,
+                      {{16, 128, 128}, 2, 1, false}, {8, 6});
   for (const auto& [x, y] : differing_luma(picture.view(), 200)) {
     const float r = (Point(static_cast<float>(x), static_cast<float>(y)) - center).norm();
     EXPECT_NEAR(r, 40, 1.9);
@@ -115,8 +115,8 @@ TEST(Draw, Nv12AndI420ShowTheSame) {
   Nv12Picture nv12(97, 63, 120);
   for (const draw::Canvas& canvas :
        {draw::canvas_of(i420.mutable_view()), draw::canvas_of(nv12.mutable_view())}) {
-    draw::line(canvas, {3, 60}, {95, 1}, {kRed, 2, 0.7f});
-    draw::circle(canvas, {96, 62}, 20, {{200, 30, 90}, 3, 1});
+    draw::line(canvas, {3, 60}, {95, 1}, {kRed, 2, 0.7f, false});
+    draw::circle(canvas, {96, 62}, 20, {{200, 30, 90}, 3, 1, false});
     draw::polygon(canvas, std::array<Point, 3>{Point(-5, 5), Point(20, 9), Point(7, 40)}, kRed, 1);
   }
   EXPECT_TRUE(test::same_pixels(i420.view(), nv12.view()));
@@ -130,14 +130,14 @@ TEST(Draw, StaysInsideThePictureWhateverComes) {
   const std::array<float, 9> odd = {kNan, kInf, -kInf, 1e30f, -1e30f, 1e7f, -1e7f, -3, 40};
   for (const float p : odd) {
     for (const float q : odd) {
-      draw::line(canvas, {p, q}, {5, 5}, {kRed, 4, 1});
-      draw::line(canvas, {q, 5}, {p, 1}, {kRed, 4, 1});
+      draw::line(canvas, {p, q}, {5, 5}, {kRed, 4, 1, false});
+      draw::line(canvas, {q, 5}, {p, 1}, {kRed, 4, 1, false});
       const std::array<Point, 3> bent = {Point(p, 4), Point(8, q), Point(q, p)};
-      draw::polyline(canvas, bent, {kRed, 2, 1}, {8, 6});
+      draw::polyline(canvas, bent, {kRed, 2, 1, false}, {8, 6});
       draw::polygon(canvas, bent, kRed, 1);
-      draw::circle(canvas, {p, q}, 12, {kRed, 2, 1});
-      draw::circle(canvas, {5, 5}, p, {kRed, 2, 1});
-      draw::dashed_circle(canvas, {p, 5}, q, {kRed, 2, 1}, {8, 6});
+      draw::circle(canvas, {p, q}, 12, {kRed, 2, 1, false});
+      draw::circle(canvas, {5, 5}, p, {kRed, 2, 1, false});
+      draw::dashed_circle(canvas, {p, 5}, q, {kRed, 2, 1, false}, {8, 6});
     }
   }
   SUCCEED();
