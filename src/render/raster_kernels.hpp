@@ -100,9 +100,9 @@ const Kernels& scalar_kernels();
 /// Null if this build has none.
 const Kernels* avx2_kernels();
 
-/// Rounding of float edge functions, in units of their largest terms: 2^-22 covers the products and
-/// sums (four roundings), 2^-24 the rounding of the stored rays.
-inline constexpr float kTermError = 0x1p-22f;
+/// Rounding of float edge functions in units of their largest terms: five roundings of 2^-24 each
+/// in coefficient, ray offset, product and two sums; and one in the stored rays.
+inline constexpr float kTermError = 0x1.4p-22f;
 inline constexpr float kRayError = 0x1.2p-24f;
 
 /// Bounding boxes larger than this [px] take the careful path, which skips empty blocks.

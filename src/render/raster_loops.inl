@@ -83,7 +83,8 @@ size_t cull(const CullJob& job) {
   return hit;
 }
 
-template <bool kNear>
+/// `kSkipEmpty` pays for long rows; in small triangles the branch is mispredicted too often.
+template <bool kNear, bool kSkipEmpty>
 inline void draw_rows(const Target& target, const Triangle& t, int x0, int y0, int x1, int y1) {
   constexpr int kEdges = kNear ? 4 : 3;
   F8 a[kEdges], b[kEdges], c[kEdges];
@@ -110,7 +111,7 @@ inline void draw_rows(const Target& target, const Triangle& t, int x0, int y0, i
       for (int k = 1; k < kEdges; ++k)
         least = min(add(add(mul(a[k], dx), mul(b[k], dy)), c[k]), least);
       const unsigned maybe = bits(greater(least, below));
-      if (maybe == 0) continue;
+      if (kSkipEmpty && maybe == 0) continue;
       M8 inside = greater(least, above);
       const unsigned sure = bits(inside);
       if (maybe != sure) [[unlikely]]
@@ -126,11 +127,11 @@ inline void draw_rows(const Target& target, const Triangle& t, int x0, int y0, i
 }
 
 void rows(const Target& target, const Triangle& t, int x0, int y0, int x1, int y1) {
-  draw_rows<false>(target, t, x0, y0, x1, y1);
+  draw_rows<false, true>(target, t, x0, y0, x1, y1);
 }
 
 void rows_near(const Target& target, const Triangle& t, int x0, int y0, int x1, int y1) {
-  draw_rows<true>(target, t, x0, y0, x1, y1);
+  draw_rows<true, true>(target, t, x0, y0, x1, y1);
 }
 
 struct Box {
@@ -228,7 +229,7 @@ void draw(DrawJob& job) {
         p.inverse_z - t.slope_x * static_cast<float>(ox) - t.slope_y * static_cast<float>(oy);
     t.min_inverse_z = smaller(smaller(p.inverse_z, q->inverse_z), r->inverse_z);
     t.max_inverse_z = larger(larger(p.inverse_z, q->inverse_z), r->inverse_z);
-    draw_rows<false>(job.target, t, box.x0, box.y0, box.x1, box.y1);
+    draw_rows<false, false>(job.target, t, box.x0, box.y0, box.x1, box.y1);
   }
 }
 
