@@ -35,7 +35,7 @@ void project_chunk(const ProjectJob& job, size_t begin, size_t count) {
     const float y = static_cast<float>(ry[i]);
     const float r2 = x * x + y * y;
     radius[i] = r2;
-    float s = r2 / (1 + r2) * job.scale;
+    float s = (1 - 1 / __builtin_sqrtf(1 + r2)) * job.scale;
     s = s < job.last_cell ? s : job.last_cell;
     const int cell = static_cast<int>(s);
     const float factor = job.value[cell] + (s - static_cast<float>(cell)) * job.step[cell];

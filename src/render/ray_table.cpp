@@ -22,8 +22,10 @@ double fold_radius(const CameraModel& model) {
   return std::tan(std::min(model.max_valid_radius(), kWidestAngle));
 }
 
-double radius_of_share(double s) { return std::sqrt(s / (1 - s)); }
-double share_of_radius(double r) { return r * r / (1 + r * r); }
+/// Tables over the radius are laid out over 1 - cos(angle to the axis): smooth at the axis, where
+/// lenses are polynomials of r^2, and at the rim of a fisheye, where r grows without bound.
+double radius_of_share(double s) { return std::sqrt(s * (2 - s)) / (1 - s); }
+double share_of_radius(double r) { return 1 - 1 / std::sqrt(1 + r * r); }
 
 /// One row or column walked outward from a start ray: each pixel is solved from the extrapolation
 /// of the two before it.

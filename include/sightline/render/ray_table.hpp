@@ -70,7 +70,7 @@ class RayTable {
   /// bound * L^2 / 8 in the picture.
   double curvature_bound(double min_radius, double max_radius) const;
 
-  /// Piecewise linear copy of the radial factor over s = r^2 / (1 + r^2), for bounding boxes:
+  /// Piecewise linear copy of the radial factor over s = 1 - 1 / sqrt(1 + r^2), for bounding boxes:
   /// factor(s) = value[i] + (s * scale - i) * step[i].
   struct RadialLookup {
     static constexpr int kCells = 1024;
