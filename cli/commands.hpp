@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <optional>
+
+namespace sightline::cli {
+
+/// The commands of `sightline`. Each prints to stdout what was asked for, to stderr what went
+/// wrong, and returns the exit status (DESIGN section 5).
+
+struct CheckOptions {
+  std::filesystem::path file;
+  bool json = false;
+};
+int check(const CheckOptions& options);
+
+struct EvaluateCommandOptions {
+  std::filesystem::path truth;
+  std::filesystem::path poses;
+  std::filesystem::path object_file;  ///< empty: no symmetry
+  bool json = false;
+};
+int evaluate(const EvaluateCommandOptions& options);
+
+struct ReplayOptions {
+  std::filesystem::path recording;
+  std::filesystem::path config;       ///< empty: what the recording says
+  std::filesystem::path poses;        ///< empty: none
+  std::filesystem::path overlay;      ///< folder of videos; empty: none
+  std::filesystem::path overlay_png;  ///< folder of pictures; empty: none
+  bool realtime = false;
+  bool json = false;
+};
+int replay(const ReplayOptions& options);
+
+struct RecordOptions {
+  std::filesystem::path config;
+  std::filesystem::path out;
+  std::optional<double> seconds;  ///< stop by itself
+};
+int record(const RecordOptions& options);
+
+}  // namespace sightline::cli

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rig.hpp"
+#include "sightline/fuse/estimator.hpp"
+#include "sightline/record/overlay_video.hpp"
+#include "sightline/record/pose_log.hpp"
+#include "sightline/record/replay.hpp"
+
+namespace sightline::cli {
+
+/// What the pipeline came to after a whole recording.
+struct ReplaySummary {
+  size_t frames = 0;
+  size_t sets = 0;
+  std::map<std::string, std::map<std::string, size_t>> rows_by_state;  ///< object, state
+  double observe_cpu_ms = 0;                                           ///< all frames together
+  double fuse_cpu_ms = 0;
+};
+
+struct OverlayOutputs {
+  std::filesystem::path video;  ///< folder; empty: none
+  std::filesystem::path png;    ///< folder; empty: none
+};
+
+/// The rooms of the daemon in one thread on a recording's own clock: every frame, in the order
+/// (capture time, camera), nothing dropped, no clock read. Two runs give the same bytes.
+class ReplayPipeline {
+ public:
+  /// Cameras of the recording that the installation does not name are left out.
+  static Result<std::unique_ptr<ReplayPipeline>> create(const Installation& installation,
+                                                        std::shared_ptr<const Recording> recording,
+                                                        PoseLogWriter* log,
+                                                        const OverlayOutputs& outputs);
+
+  /// Takes all frames of one capture time: observe, fuse, log, then draw with what is known now.
+  Status step(const std::vector<FramePtr>& frames);
+  Status finish();
+  const ReplaySummary& summary() const { return summary_; }
+
+ private:
+  struct Camera {
+    CameraId id;
+    std::string name;
+    std::unique_ptr<FiducialObserver> observer;
+    std::unique_ptr<CameraRenderer> renderer;
+    std::unique_ptr<OverlayVideoWriter> video;
+    std::unique_ptr<PicturePool> pool;
+    size_t drawn = 0;
+  };
+
+  ReplayPipeline() = default;
+  Status add_camera(const Installation& installation, const RecordedCamera& recorded,
+                    const OverlayOutputs& outputs);
+  void observe(const std::vector<FramePtr>& frames);
+  Status fuse();
+  Status draw(const std::vector<FramePtr>& frames);
+  Status draw_one(const Frame& frame, Camera& camera);
+
+  Rig rig_;
+  std::vector<std::optional<Camera>> cameras_;  // by index in the recording
+  std::vector<std::string> camera_names_;       // by CameraId
+  std::vector<ObjectEstimator> estimators_;     // by ObjectId
+  std::vector<PoseTrackPtr> tracks_;
+  std::vector<Observation> observations_;
+  std::vector<Observation> set_;
+  std::vector<PoseAt> poses_;
+  PoseLogWriter* log_ = nullptr;
+  std::filesystem::path png_folder_;
+  ReplaySummary summary_;
+};
+
+}  // namespace sightline::cli

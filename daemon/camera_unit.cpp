@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "camera_unit.hpp"
+
+#include <algorithm>
+#include <condition_variable>
+
+#include "sightline/base/log.hpp"
+#include "sightline/base/thread.hpp"
+#include "sightline/image/convert.hpp"
+
+namespace sightline {
+
+using namespace std::chrono_literals;
+
+namespace {
+
+constexpr Duration kTurn = 200ms;     // longest wait of a thread without a look at its stop token
+constexpr Duration kStallLimit = 5s;  // a thread silent for longer is hung
+constexpr Duration kFirstBackoff = 250ms;  // reopening a source
+constexpr Duration kLongestBackoff = 5s;
+
+void sleep_unless_stopped(std::stop_token stop, Duration duration) {
+  std::mutex mutex;
+  std::condition_variable_any never;
+  std::unique_lock lock(mutex);
+  never.wait_for(lock, stop, duration, [] { return false; });
+}
+
+Labels camera_labels(const std::string& name) { return {{"camera", name}}; }
+Labels stage_labels(const std::string& name, const char* stage) {
+  return {{"camera", name}, {"stage", stage}};
+}
+
+constexpr const char* kDropped = "sightline_frames_dropped_total";
+constexpr const char* kDroppedHelp = "Frames that a stage had no time for, by stage";
+
+}  // namespace
+
+std::unique_ptr<CameraUnit> CameraUnit::start(CameraParts parts, Registry& registry,
+                                              HeartbeatBoard& beats) {
+  std::unique_ptr<CameraUnit> unit(new CameraUnit(std::move(parts), registry));
+  CameraUnit* raw = unit.get();
+  const std::string& name = raw->parts_.name;
+  const auto launch = [&](const char* kind, void (CameraUnit::*body)(std::stop_token, Heartbeat&)) {
+    const std::string thread_name = std::string(kind) + ":" + name;
+    Heartbeat& heartbeat = beats.add(thread_name, kStallLimit);
+    return start_thread(thread_name, [raw, body, &heartbeat](std::stop_token stop) {
+      (raw->*body)(stop, heartbeat);
+      heartbeat.retire();
+    });
+  };
+  if (raw->parts_.observer) raw->observe_thread_ = launch("obs", &CameraUnit::observe);
+  if (raw->parts_.output) raw->draw_thread_ = launch("draw", &CameraUnit::draw);
+  raw->capture_thread_ = launch("cap", &CameraUnit::capture);
+  return unit;
+}
+
+CameraUnit::CameraUnit(CameraParts parts, Registry& registry)
+    : parts_(std::move(parts)),
+      pictures_(parts_.width, parts_.height),
+      frames_(registry.counter("sightline_frames_total", "Frames captured",
+                               camera_labels(parts_.name))),
+      lost_(registry.counter(kDropped, kDroppedHelp, stage_labels(parts_.name, "capture"))),
+      damaged_(registry.counter("sightline_frames_damaged_total",
+                                "Frames that arrived damaged; not shown, not measured",
+                                camera_labels(parts_.name))),
+      reopened_(registry.counter("sightline_source_opened_total", "Times the source was opened",
+                                 camera_labels(parts_.name))),
+      observe_dropped_(
+          registry.counter(kDropped, kDroppedHelp, stage_labels(parts_.name, "observe"))),
+      draw_dropped_(registry.counter(kDropped, kDroppedHelp, stage_labels(parts_.name, "draw"))),
+      capture_age_(registry.gauge("sightline_capture_latency_seconds",
+                                  "From middle of exposure to arrival, newest frame",
+                                  camera_labels(parts_.name))),
+      draw_seconds_(registry.gauge("sightline_draw_seconds",
+                                   "Copying and drawing the newest shown frame",
+                                   camera_labels(parts_.name))) {}
+
+void CameraUnit::request_stop() {
+  capture_thread_.request_stop();
+  observe_thread_.request_stop();
+  draw_thread_.request_stop();
+}
+
+void CameraUnit::stop() {
+  request_stop();
+  for (std::jthread* thread : {&capture_thread_, &observe_thread_, &draw_thread_}) {
+    if (thread->joinable()) thread->join();
+  }
+}
+
+void CameraUnit::set_renderer(std::unique_ptr<CameraRenderer> renderer) {
+  std::lock_guard lock(mutex_);
+  next_renderer_ = std::move(renderer);
+}
+
+void CameraUnit::set_problem(const std::string& problem) {
+  std::lock_guard lock(mutex_);
+  // The same words again and again would fill the journal.
+  if (problem != problem_ && !problem.empty()) log::warning("{}: {}", parts_.name, problem);
+  problem_ = problem;
+  present_ = problem.empty();
+}
+
+std::unique_ptr<FrameSource> CameraUnit::open_or_wait(std::stop_token stop, Duration& backoff) {
+  auto opened = parts_.open_source();
+  if (opened) {
+    reopened_.add();
+    set_problem("");
+    log::info("{}: source open", parts_.name);
+    return *std::move(opened);
+  }
+  set_problem(opened.error().message());
+  sleep_unless_stopped(stop, backoff);
+  backoff = std::min(backoff * 2, kLongestBackoff);
+  return nullptr;
+}
+
+void CameraUnit::capture(std::stop_token stop, Heartbeat& heartbeat) {
+  // Opening a device may take longer than a turn; the limit of the heartbeat covers it.
+  std::unique_ptr<FrameSource> source;
+  Duration backoff = kFirstBackoff;
+  while (!stop.stop_requested()) {
+    heartbeat.beat();
+    if (!source) {
+      source = open_or_wait(stop, backoff);
+      continue;
+    }
+    const auto step = source->next(stop, kTurn);
+    if (!step) {
+      set_problem(step.error().message());
+      source.reset();
+      sleep_unless_stopped(stop, backoff);
+      continue;
+    }
+    if (step->kind == SourceStep::Kind::kEnd) {
+      log::info("{}: end of the recording", parts_.name);
+      std::lock_guard lock(mutex_);
+      ended_ = true;
+      return;
+    }
+    if (step->kind == SourceStep::Kind::kFrame) {
+      backoff = kFirstBackoff;
+      deliver(step->frame);
+    }
+  }
+}
+
+void CameraUnit::deliver(const FramePtr& frame) {
+  const FrameInfo& info = frame->info();
+  frames_.add();
+  lost_.add(info.dropped_before);
+  last_arrival_ = info.arrival;
+  capture_age_.set(to_seconds(info.arrival - info.capture));
+  if (parts_.on_frame) parts_.on_frame(frame);
+  if (info.status == FrameStatus::kDamaged) {
+    damaged_.add();
+    return;
+  }
+  if (parts_.observer && observe_slot_.put(frame)) observe_dropped_.add();
+  if (parts_.output && parts_.output->wanted() && draw_slot_.put(frame)) draw_dropped_.add();
+}
+
+void CameraUnit::observe(std::stop_token stop, Heartbeat& heartbeat) {
+  while (!stop.stop_requested()) {
+    heartbeat.beat();
+    const auto frame = observe_slot_.take(stop, kTurn);
+    if (!frame) continue;
+    parts_.board->read(observe_tracks_);
+    observations_.clear();
+    parts_.observer->step(**frame, observe_tracks_, observations_);
+    for (Observation& observation : observations_) {
+      parts_.on_observation(std::move(observation));
+    }
+  }
+}
+
+void CameraUnit::draw(std::stop_token stop, Heartbeat& heartbeat) {
+  std::unique_ptr<CameraRenderer> renderer = std::move(parts_.renderer);
+  while (!stop.stop_requested()) {
+    heartbeat.beat();
+    const auto frame = draw_slot_.take(stop, kTurn);
+    if (!frame) continue;
+    {
+      std::lock_guard lock(mutex_);
+      if (next_renderer_) renderer = std::move(next_renderer_);
+    }
+    if (parts_.output->wanted()) draw_one(*frame, *renderer);
+  }
+}
+
+void CameraUnit::draw_one(const FramePtr& frame, CameraRenderer& renderer) {
+  const Time start = MonotonicClock::now();
+  std::shared_ptr<Picture> picture = pictures_.get();
+  copy_i420(frame->i420(), picture->mutable_view());
+  parts_.board->read(draw_tracks_);
+  annotated_.frame = frame->info();
+  renderer.draw(picture->mutable_view(), frame->info().capture, draw_tracks_, annotated_.poses);
+  annotated_.picture = std::move(picture);
+  draw_seconds_.set(to_seconds(MonotonicClock::now() - start));
+  parts_.output->accept(annotated_);
+  annotated_.picture.reset();
+}
+
+CameraStatus CameraUnit::status() const {
+  CameraStatus status;
+  status.frames = frames_.value();
+  const Time arrival = last_arrival_;
+  if (arrival != Time{}) status.frame_age_s = to_seconds(MonotonicClock::now() - arrival);
+  std::lock_guard lock(mutex_);
+  status.present = present_;
+  status.ended = ended_;
+  status.problem = problem_;
+  return status;
+}
+
+}  // namespace sightline

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+
+#include "fusion_unit.hpp"
+#include "heartbeat.hpp"
+#include "sightline/base/counters.hpp"
+#include "sightline/base/latest_slot.hpp"
+#include "sightline/image/picture.hpp"
+#include "sightline/model/seams.hpp"
+#include "sightline/observe/fiducial_observer.hpp"
+#include "sightline/render/camera_renderer.hpp"
+#include "stream_output.hpp"
+#include "track_board.hpp"
+
+namespace sightline {
+
+/// What one camera's threads are made of. `observer`, `renderer` and `output` may be null (roles).
+struct CameraParts {
+  CameraId id;
+  std::string name;
+  int width = 0;
+  int height = 0;
+  std::function<Result<std::unique_ptr<FrameSource>>()> open_source;
+  std::unique_ptr<FiducialObserver> observer;
+  std::unique_ptr<CameraRenderer> renderer;
+  std::shared_ptr<StreamOutput> output;
+  std::shared_ptr<TrackBoard> board;
+  std::function<void(Observation)> on_observation;  ///< must not block
+  std::function<void(const FramePtr&)> on_frame;    ///< recorder; may be empty, must not block
+};
+
+struct CameraStatus {
+  bool present = false;  ///< the source is open
+  bool ended = false;    ///< a recording that does not loop has been played
+  uint64_t frames = 0;
+  double frame_age_s = -1;  ///< since the newest frame arrived; -1: none yet
+  std::string problem;      ///< why the source is not there
+};
+
+/// One camera: the threads that capture ("cap:NAME"), observe ("obs:NAME") and draw ("draw:NAME"),
+/// joined by latest slots. A source that is absent or lost is opened again for ever, with back-off.
+class CameraUnit {
+ public:
+  static std::unique_ptr<CameraUnit> start(CameraParts parts, Registry& registry,
+                                           HeartbeatBoard& beats);
+  ~CameraUnit() { stop(); }
+
+  /// Draws with another renderer from the next frame on.
+  void set_renderer(std::unique_ptr<CameraRenderer> renderer);
+  /// Stops capture; then the others end with what they are at. stop() waits for all.
+  void request_stop();
+  void stop();
+
+  CameraStatus status() const;
+  const std::string& name() const { return parts_.name; }
+  const std::shared_ptr<StreamOutput>& output() const { return parts_.output; }
+
+ private:
+  CameraUnit(CameraParts parts, Registry& registry);
+
+  void capture(std::stop_token stop, Heartbeat& heartbeat);
+  void deliver(const FramePtr& frame);
+  void observe(std::stop_token stop, Heartbeat& heartbeat);
+  void draw(std::stop_token stop, Heartbeat& heartbeat);
+  void draw_one(const FramePtr& frame, CameraRenderer& renderer);
+  std::unique_ptr<FrameSource> open_or_wait(std::stop_token stop, Duration& backoff);
+  void set_problem(const std::string& problem);
+
+  CameraParts parts_;
+  LatestSlot<FramePtr> observe_slot_, draw_slot_;
+  PicturePool pictures_;
+
+  Counter &frames_, &lost_, &damaged_, &reopened_, &observe_dropped_, &draw_dropped_;
+  Gauge &capture_age_, &draw_seconds_;
+
+  mutable std::mutex mutex_;  // guards the four below
+  std::unique_ptr<CameraRenderer> next_renderer_;
+  bool present_ = false, ended_ = false;
+  std::string problem_;
+  std::atomic<Time> last_arrival_{};
+
+  std::vector<PoseTrackPtr> observe_tracks_, draw_tracks_;  // scratch of their threads
+  std::vector<Observation> observations_;
+  AnnotatedPicture annotated_;
+
+  std::jthread capture_thread_, observe_thread_, draw_thread_;
+};
+
+}  // namespace sightline

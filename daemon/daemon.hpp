@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "camera_unit.hpp"
+#include "fusion_unit.hpp"
+#include "heartbeat.hpp"
+#include "recorder_unit.hpp"
+#include "replay_library.hpp"
+#include "rig.hpp"
+#include "sightline/base/counters.hpp"
+#include "sightline/config/installation.hpp"
+#include "sightline/control/http_server.hpp"
+#include "sightline/stream/rtsp_server.hpp"
+#include "stream_output.hpp"
+
+namespace sightline {
+
+struct DaemonOptions {
+  /// Records into this folder, whatever the installation says of recording.
+  std::filesystem::path record_to;
+  /// Serves streams and HTTP; `sightline record` does without.
+  bool serve = true;
+};
+
+/// The running system: all units, wired. start(), reload() and stop() from the main thread; the
+/// rest from any.
+class Daemon {
+ public:
+  /// Everything that can be wrong is found before the first thread starts. Sources that are absent
+  /// are no error: they are opened again for ever.
+  static Result<std::unique_ptr<Daemon>> start(Installation installation,
+                                               const DaemonOptions& options);
+  ~Daemon();
+
+  /// Makes the running system agree with `next`, restarting only what differs. On an error nothing
+  /// has changed.
+  Status reload(Installation next);
+  /// Sources first, streams last; within two seconds. The recording's error, if it had one.
+  Status stop();
+
+  /// Threads that make no progress; the watchdog is fed while this is empty.
+  std::vector<std::string> stalled() const { return beats_.stalled(MonotonicClock::now()); }
+  /// All cameras play recordings to their end and have got there.
+  bool ended() const;
+  /// Why the recording stopped, or empty.
+  std::string record_problem() const;
+  /// One line for a person: cameras present, objects' states.
+  std::string status_line() const;
+  std::vector<std::string> addresses() const;
+
+ private:
+  Daemon(Installation installation, DaemonOptions options);
+
+  struct Servers {
+    std::unique_ptr<RtspServer> rtsp;
+    std::unique_ptr<HttpServer> http;
+  };
+  Status start_servers(const Installation& installation);
+  Result<std::unique_ptr<HttpServer>> make_http(const Installation& installation);
+  void serve_rtsp(std::unique_ptr<RtspServer> server);
+  void stop_rtsp();
+  /// Servers of `next` whose address is not taken by those that run.
+  Result<Servers> make_moved_servers(const Installation& next);
+  void replace_servers(const Installation& next, Servers servers);
+  Status start_recorder(const Installation& installation);
+  Result<CameraParts> prepare(const Installation& installation, const Rig& rig, size_t camera);
+  Result<std::vector<CameraParts>> prepare_all(const Installation& installation, const Rig& rig);
+  Status start_pipeline(const Installation& installation, const Rig& rig,
+                        std::vector<CameraParts> parts);
+  Status start_camera(const Installation& installation, const Rig& rig, CameraParts parts);
+  void stop_cameras();
+  Status restart_all(Installation next);
+  Status restart_some(Installation next, const InstallationChanges& changes);
+  Health health() const;
+  std::string state_json() const;
+
+  const DaemonOptions options_;
+  Registry registry_;
+  HeartbeatBoard beats_;
+  ReplayLibrary replays_;
+
+  mutable std::mutex mutex_;  // guards what follows against readers during a reload
+  Installation installation_;
+  std::shared_ptr<const Rig> rig_;
+  std::shared_ptr<TrackBoard> board_;
+  std::shared_ptr<FusionUnit> fusion_;
+  std::shared_ptr<RecorderUnit> recorder_;
+  std::unique_ptr<RtspServer> rtsp_;
+  std::jthread rtsp_thread_;
+  std::map<std::string, std::unique_ptr<CameraUnit>> cameras_;  // by name
+  std::unique_ptr<HttpServer> http_;
+};
+
+}  // namespace sightline

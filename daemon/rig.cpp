@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rig.hpp"
+
+#include "sightline/geometry/mesh.hpp"
+
+namespace sightline {
+namespace {
+
+const CameraConfig& config_of(const Installation& installation, CameraId camera) {
+  SL_CHECK(camera.index() < installation.cameras.size(), "camera id of another installation");
+  return installation.cameras[camera.index()];
+}
+
+Result<RenderMesh> load_mesh(const std::filesystem::path& path, double meters_per_unit) {
+  MeshOptions options;
+  options.meters_per_unit = meters_per_unit;
+  SL_ASSIGN(const TriangleMesh mesh, read_mesh(path, options));
+  return make_render_mesh(mesh);
+}
+
+}  // namespace
+
+std::vector<NamedObject> Rig::names() const {
+  std::vector<NamedObject> out;
+  out.reserve(objects.size());
+  for (const RigObject& object : objects) out.push_back(object.named);
+  return out;
+}
+
+Result<Rig> load_rig(const Installation& installation) {
+  Rig rig;
+  for (size_t i = 0; i < installation.objects.size(); ++i) {
+    const ObjectDescription& description = installation.objects[i].description;
+    SL_ASSIGN(RenderMesh mesh, load_mesh(description.mesh, description.meters_per_unit));
+    rig.objects.push_back({{ObjectId(static_cast<uint32_t>(i)), description.name},
+                           description,
+                           std::make_shared<const RenderMesh>(std::move(mesh))});
+  }
+  for (const auto& path : installation.scene.meshes) {
+    SL_ASSIGN(RenderMesh mesh, load_mesh(path, installation.scene.meters_per_unit));
+    rig.scene.push_back(std::move(mesh));
+  }
+  return rig;
+}
+
+Result<std::unique_ptr<FiducialObserver>> make_observer(const Installation& installation,
+                                                        const Rig& rig, CameraId camera) {
+  std::vector<ObservedObject> objects;
+  for (const RigObject& object : rig.objects) {
+    objects.push_back({object.named.id, object.description});
+  }
+  return FiducialObserver::create(config_of(installation, camera).calibration, camera,
+                                  std::move(objects), installation.observe);
+}
+
+Result<std::unique_ptr<CameraRenderer>> make_renderer(const Installation& installation,
+                                                      const Rig& rig, CameraId camera) {
+  const CameraConfig& config = config_of(installation, camera);
+  const auto rays = RayTable::build(config.calibration.model);
+  std::shared_ptr<const StaticDepth> scene;
+  if (!rig.scene.empty()) {
+    std::vector<SceneMesh> meshes;
+    for (const RenderMesh& mesh : rig.scene) meshes.push_back({&mesh, Rigid3()});
+    scene = StaticDepth::build(rays, config.calibration.world_from_camera, meshes);
+  }
+  std::vector<OverlayObject> objects;
+  for (const RigObject& object : rig.objects) {
+    objects.push_back({object.named.id, object.named.name, object.mesh, config.overlay});
+  }
+  return CameraRenderer::create(config.calibration, camera, std::move(objects), rays, scene,
+                                installation.render);
+}
+
+}  // namespace sightline

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "sightline/base/result.hpp"
+#include "sightline/config/installation.hpp"
+#include "sightline/model/pose_track.hpp"
+#include "sightline/observe/fiducial_observer.hpp"
+#include "sightline/render/camera_renderer.hpp"
+#include "sightline/render/ray_table.hpp"
+#include "sightline/render/render_mesh.hpp"
+#include "sightline/render/static_depth.hpp"
+
+namespace sightline {
+
+/// One object, ready to be observed and drawn.
+struct RigObject {
+  NamedObject named;
+  ObjectDescription description;
+  std::shared_ptr<const RenderMesh> mesh;
+};
+
+/// What all cameras share: the meshes of the objects and of the static scene. Immutable once
+/// loaded; read by every thread.
+struct Rig {
+  std::vector<RigObject> objects;  ///< by ObjectId
+  std::vector<RenderMesh> scene;
+
+  std::vector<NamedObject> names() const;
+};
+
+/// Reads every mesh that the installation names. Both programs start here.
+Result<Rig> load_rig(const Installation& installation);
+
+/// The per-camera parts, made from the shared ones.
+Result<std::unique_ptr<FiducialObserver>> make_observer(const Installation& installation,
+                                                        const Rig& rig, CameraId camera);
+Result<std::unique_ptr<CameraRenderer>> make_renderer(const Installation& installation,
+                                                      const Rig& rig, CameraId camera);
+
+}  // namespace sightline

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "state_json.hpp"
+
+#include <nlohmann/json.hpp>
+#include <numbers>
+
+namespace sightline {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json camera_json(const CameraState& camera) {
+  Json json{{"name", camera.name},
+            {"present", camera.status.present},
+            {"frames", camera.status.frames},
+            {"viewers", camera.viewers}};
+  if (camera.status.frame_age_s >= 0) json["frame_age_s"] = camera.status.frame_age_s;
+  if (!camera.url.empty()) json["url"] = camera.url;
+  if (!camera.encoder.empty()) json["encoder"] = camera.encoder;
+  if (!camera.status.problem.empty()) json["problem"] = camera.status.problem;
+  return json;
+}
+
+Json object_json(const NamedObject& object, const PoseTrackPtr& track,
+                 std::span<const std::string> camera_names) {
+  Json json{{"name", object.name}};
+  if (!track || track->empty()) {
+    json["state"] = to_string(TrackState::kSearching);
+    return json;
+  }
+  const PoseEstimate& newest = track->newest();
+  json["state"] = to_string(newest.state);
+  if (!has_pose(newest.state)) return json;
+  const auto& t = newest.world_from_object.translation;
+  const auto& q = newest.world_from_object.rotation;
+  json["t_ns"] = to_ns(newest.time);
+  json["utc_ns"] = utc_ns_of(newest.time);
+  json["translation_m"] = {t.x(), t.y(), t.z()};
+  json["rotation_wxyz"] = {q.w(), q.x(), q.y(), q.z()};
+  json["sigma_t_mm"] = newest.sigma_translation() * 1e3;
+  json["sigma_r_deg"] = newest.sigma_rotation() * 180 / std::numbers::pi;
+  json["cameras"] = Json::array();
+  for (size_t i = 0; i < camera_names.size(); ++i) {
+    if (newest.cameras & camera_bit(CameraId(static_cast<uint32_t>(i)))) {
+      json["cameras"].push_back(camera_names[i]);
+    }
+  }
+  return json;
+}
+
+}  // namespace
+
+std::string format_state_json(const std::string& installation, std::span<const CameraState> cameras,
+                              std::span<const NamedObject> objects,
+                              std::span<const PoseTrackPtr> tracks,
+                              std::span<const std::string> camera_names) {
+  Json json{{"name", installation}, {"cameras", Json::array()}, {"objects", Json::array()}};
+  for (const CameraState& camera : cameras) json["cameras"].push_back(camera_json(camera));
+  for (size_t i = 0; i < objects.size(); ++i) {
+    const PoseTrackPtr track = i < tracks.size() ? tracks[i] : nullptr;
+    json["objects"].push_back(object_json(objects[i], track, camera_names));
+  }
+  return json.dump(2) + "\n";
+}
+
+}  // namespace sightline

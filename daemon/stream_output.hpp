@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <mutex>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "sightline/base/counters.hpp"
+#include "sightline/model/seams.hpp"
+#include "sightline/stream/encoder.hpp"
+#include "sightline/stream/rtsp_server.hpp"
+
+namespace sightline {
+
+/// The way out of one camera: its encoder and its RTSP address. The encoder is made when the first
+/// viewer asks and made again should it fail; without pictures it costs nothing.
+class StreamOutput : public PictureSink {
+ public:
+  static std::shared_ptr<StreamOutput> create(std::string camera, EncoderOptions options,
+                                              std::vector<NamedObject> names,
+                                              std::shared_ptr<RtspStream> stream,
+                                              Registry& registry);
+  ~StreamOutput() override;
+
+  bool wanted() const override { return stream_->wanted(); }
+  /// From the drawing thread only.
+  void accept(const AnnotatedPicture& picture) override;
+  /// Ends the encoder; nothing may be accepted afterwards.
+  void close();
+
+  int viewers() const { return stream_->viewers(); }
+  std::string url() const { return stream_->url(); }
+  /// Element that encodes now, or empty.
+  std::string encoder_name() const;
+
+ private:
+  StreamOutput(std::string camera, EncoderOptions options, std::vector<NamedObject> names,
+               std::shared_ptr<RtspStream> stream, Registry& registry);
+  std::shared_ptr<VideoEncoder> encoder() const;
+  bool make_encoder();
+  void count(const VideoEncoder& encoder);
+
+  const std::string camera_;
+  const EncoderOptions options_;
+  const std::vector<NamedObject> names_;
+  const std::shared_ptr<RtspStream> stream_;
+  Counter &encoded_, &dropped_, &unsent_;
+  Gauge& viewers_;
+  EncoderCounts counted_;
+  uint64_t unsent_counted_ = 0;
+  Time retry_at_{};  // after a failed encoder
+
+  // Set on GStreamer threads, also after this object has gone, hence shared. The encoder itself is
+  // only ever touched by the drawing thread, so it cannot be destroyed on one of its own threads.
+  std::shared_ptr<std::atomic<bool>> keyframe_wanted_ = std::make_shared<std::atomic<bool>>(false);
+
+  mutable std::mutex mutex_;  // guards encoder_
+  std::shared_ptr<VideoEncoder> encoder_;
+};
+
+}  // namespace sightline
