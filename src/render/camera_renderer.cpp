@@ -50,6 +50,10 @@ bool writes_text(const OverlayStyle& style) {
   return style.label || style.offscreen || style.status || style.last_seen;
 }
 
+int as_int(float value) {
+  return std::isfinite(value) ? static_cast<int>(std::clamp(value, -32768.0f, 32767.0f)) : 0;
+}
+
 bool in_range(double value, double low, double high) { return value >= low && value <= high; }
 
 Status check_style(const OverlayObject& object, const std::string& camera) {
@@ -173,7 +177,9 @@ class CameraRenderer::Impl {
     } else {
       pose = {};
     }
-    if (pose.source == PoseSource::kNone || !has_pose(pose.estimate.state)) {
+    // A pose that is no number is none.
+    if (pose.source == PoseSource::kNone || !has_pose(pose.estimate.state) ||
+        !pose.estimate.world_from_object.matrix().allFinite()) {
       pose.source = PoseSource::kNone;
       pose.estimate = {};
       pose.estimate.state = state_without_pose(track);
@@ -423,9 +429,6 @@ class CameraRenderer::Impl {
 
   /// Above the extent if there is room, else below, else where it fits.
   void put_beside(const TextTile& tile, const Extent& extent) const {
-    const auto as_int = [](float value) {
-      return static_cast<int>(std::clamp(value, -32768.0f, 32767.0f));
-    };
     const int above = as_int(extent.top) - tile.height();
     const int y = above >= 0 ? above : as_int(extent.bottom) + 2;
     put_inside(tile, as_int(extent.left), y);
@@ -450,7 +453,7 @@ class CameraRenderer::Impl {
                            0.5f * static_cast<float>(tile.height()));
     const float clear = 1.3f * size + half.cwiseProduct(arrow.direction).norm();
     const draw::Point corner = arrow.tip - clear * arrow.direction - half;
-    put_inside(tile, static_cast<int>(corner.x()), static_cast<int>(corner.y()));
+    put_inside(tile, as_int(corner.x()), as_int(corner.y()));
   }
 
   /// "searching" and "lost" in the corner, one line an object; and where it was last, if asked.

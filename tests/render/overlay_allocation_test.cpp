@@ -23,22 +23,32 @@ void* counted(size_t size, size_t alignment) {
 
 }  // namespace
 
-void* operator new(size_t size) { return counted(size, alignof(std::max_align_t)); }
-void* operator new[](size_t size) { return counted(size, alignof(std::max_align_t)); }
-void* operator new(size_t size, std::align_val_t alignment) {
+// Not inlined: g++ would take the pair of aligned_alloc and free for a mismatch of new and delete.
+#define COUNTED_MEMORY [[gnu::noinline]]
+COUNTED_MEMORY void* operator new(size_t size) { return counted(size, alignof(std::max_align_t)); }
+COUNTED_MEMORY void* operator new[](size_t size) {
+  return counted(size, alignof(std::max_align_t));
+}
+COUNTED_MEMORY void* operator new(size_t size, std::align_val_t alignment) {
   return counted(size, static_cast<size_t>(alignment));
 }
-void* operator new[](size_t size, std::align_val_t alignment) {
+COUNTED_MEMORY void* operator new[](size_t size, std::align_val_t alignment) {
   return counted(size, static_cast<size_t>(alignment));
 }
-void operator delete(void* memory) noexcept { std::free(memory); }
-void operator delete[](void* memory) noexcept { std::free(memory); }
-void operator delete(void* memory, size_t) noexcept { std::free(memory); }
-void operator delete[](void* memory, size_t) noexcept { std::free(memory); }
-void operator delete(void* memory, std::align_val_t) noexcept { std::free(memory); }
-void operator delete[](void* memory, std::align_val_t) noexcept { std::free(memory); }
-void operator delete(void* memory, size_t, std::align_val_t) noexcept { std::free(memory); }
-void operator delete[](void* memory, size_t, std::align_val_t) noexcept { std::free(memory); }
+COUNTED_MEMORY void operator delete(void* memory) noexcept { std::free(memory); }
+COUNTED_MEMORY void operator delete[](void* memory) noexcept { std::free(memory); }
+COUNTED_MEMORY void operator delete(void* memory, size_t) noexcept { std::free(memory); }
+COUNTED_MEMORY void operator delete[](void* memory, size_t) noexcept { std::free(memory); }
+COUNTED_MEMORY void operator delete(void* memory, std::align_val_t) noexcept { std::free(memory); }
+COUNTED_MEMORY void operator delete[](void* memory, std::align_val_t) noexcept {
+  std::free(memory);
+}
+COUNTED_MEMORY void operator delete(void* memory, size_t, std::align_val_t) noexcept {
+  std::free(memory);
+}
+COUNTED_MEMORY void operator delete[](void* memory, size_t, std::align_val_t) noexcept {
+  std::free(memory);
+}
 
 namespace sightline {
 namespace {
