@@ -68,7 +68,8 @@ uint32_t read_counter(const uint8_t* luma, int stride) {
 struct Log {
   explicit Log(size_t pictures) : pushed_ns(pictures + 1000) {}
   std::vector<std::atomic<int64_t>> pushed_ns;
-  std::vector<double> delays_ms;  ///< client's thread until the client has stopped
+  std::vector<double> delays_ms;   ///< client's thread until the client has stopped
+  std::vector<double> encoded_ms;  ///< encoder's thread: hand-over to packet
   std::atomic<size_t> seen{0};
 };
 
@@ -125,15 +126,17 @@ Result<std::string> measure(const std::string& transport, size_t pictures) {
   rtsp.port = 0;
   SL_ASSIGN(const auto server, RtspServer::create(rtsp));
   SL_ASSIGN(const auto stream, server->add_stream("bench", {kWidth, kHeight, kRate}));
+  Log log(pictures);
   EncoderOptions options;
   options.width = kWidth;
   options.height = kHeight;
   options.rate_hz = kRate;
   SL_ASSIGN(const auto encoder,
-            VideoEncoder::create(options, "bench",
-                                 [stream](EncodedPacket packet) { stream->push(packet); }));
+            VideoEncoder::create(options, "bench", [stream, &log](EncodedPacket packet) {
+              stream->push(packet);
+              log.encoded_ms.push_back(to_seconds(MonotonicClock::now() - packet.capture) * 1e3);
+            }));
   stream->on_keyframe_wanted([&encoder] { encoder->request_keyframe(); });
-  Log log(pictures);
   std::vector<std::shared_ptr<Picture>> ring;
   for (unsigned i = 0; i < 8; ++i) ring.push_back(textured_picture(i));
 
@@ -157,10 +160,14 @@ Result<std::string> measure(const std::string& transport, size_t pictures) {
   gst_element_set_state(client, GST_STATE_NULL);
   gst_object_unref(client);
   stream->on_keyframe_wanted({});
+  SL_RETURN_IF_ERROR(encoder->finish(std::chrono::seconds(5)));
   const EncoderCounts counts = encoder->counts();
-  return fmt::format(R"({{"encoder": "{}", "encoded": {}, "dropped": {}, "delay": {}}})",
-                     encoder->encoder_name(), counts.encoded, counts.dropped,
-                     percentiles(log.delays_ms));
+  return fmt::format(
+      R"({{"encoder": "{}", "encoded": {}, "dropped": {},
+    "to_packet": {},
+    "to_decoded": {}}})",
+      encoder->encoder_name(), counts.encoded, counts.dropped, percentiles(log.encoded_ms),
+      percentiles(log.delays_ms));
 }
 
 }  // namespace

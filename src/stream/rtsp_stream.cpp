@@ -33,6 +33,16 @@ std::string launch_line(const RtspStreamOptions& options) {
       options.width, options.height, numerator, denominator);
 }
 
+/// The media's sinks send a packet at its capture time plus the pipeline's latency, which GStreamer
+/// makes at least 20 ms (processing-deadline). With latency 0 that time is always past, so packets
+/// leave when they are made. (Switching the sinks' clock off does not last: PLAY sets it again.)
+void send_without_delay(GstElement* bin) {
+  const GstObjectPtr<GstObject> pipeline(gst_object_get_parent(GST_OBJECT(bin)));
+  if (pipeline && GST_IS_PIPELINE(pipeline.get())) {
+    gst_pipeline_set_latency(GST_PIPELINE(pipeline.get()), 0);
+  }
+}
+
 }  // namespace
 
 SharedStream::SharedStream(std::string name, std::string url, const RtspStreamOptions& options)
@@ -135,9 +145,8 @@ GObjectPtr<GstRTSPMediaFactory> SharedStream::make_factory() {
 }
 
 void SharedStream::add_media(GstRTSPMedia* media) {
-  // Packets leave when they are made; a sink that paces them would only add delay.
-  gst_rtsp_media_set_rate_control(media, FALSE);
   const GstObjectPtr<GstElement> bin(gst_rtsp_media_get_element(media));
+  send_without_delay(bin.get());
   Media state;
   state.source =
       GstObjectPtr<GstElement>(gst_bin_get_by_name_recurse_up(GST_BIN(bin.get()), "src"));
