@@ -56,7 +56,7 @@ class PacedReplay final : public FrameSource {
     if (late < clock_->loop_period()) return;
     const auto turns = static_cast<uint64_t>(late / clock_->loop_period());
     loop_ += turns;
-    dropped_ += turns * camera_->camera().rows.size();
+    dropped_ += turns * numbers_per_turn();
   }
 
   /// Passes over frames that are too late, up to the last one of a turn: a slow reader gets fresh
@@ -76,11 +76,15 @@ class PacedReplay final : public FrameSource {
     return {};
   }
 
-  RecordedRow stamp_of(const RecordedRow& row) const {
+  /// Sequence numbers in one turn, lost frames included.
+  uint64_t numbers_per_turn() const {
     const auto& rows = camera_->camera().rows;
-    const uint64_t turn = rows.back().sequence - rows.front().sequence + 1;
+    return rows.back().sequence - rows.front().sequence + 1;
+  }
+
+  RecordedRow stamp_of(const RecordedRow& row) const {
     RecordedRow stamp = row;
-    stamp.sequence = row.sequence + loop_ * turn;
+    stamp.sequence = row.sequence + loop_ * numbers_per_turn();
     stamp.capture = clock_->at(row.capture, loop_);
     stamp.arrival = std::max(MonotonicClock::now(), clock_->at(row.arrival, loop_));
     const uint64_t dropped = dropped_ + row.dropped_before;

@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sightline/record/evaluate.hpp"
+
+#include <gmock/gmock.h>
+
+#include <nlohmann/json.hpp>
+#include <numbers>
+
+namespace sightline {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180.0;
+
+Rigid3 turned(double degrees, const Eigen::Vector3d& axis, const Eigen::Vector3d& t) {
+  return Rigid3(Eigen::Quaterniond(Eigen::AngleAxisd(degrees * kDegree, axis.normalized())), t);
+}
+
+Time at_ms(double ms) { return time_from_ns(static_cast<int64_t>(ms * 1e6)); }
+
+/// Pose of "cup" with a constant twist.
+Rigid3 moving_pose(double seconds) {
+  const Vector6 twist = (Vector6() << 0.3, -0.2, 0.5, 0.1, 0.2, -0.1).finished();
+  return Rigid3::exp(seconds * twist);
+}
+
+/// From 1 s to 2 s, every 100 ms.
+std::vector<TruthRow> moving_truth() {
+  std::vector<TruthRow> rows;
+  for (int i = 0; i <= 10; ++i)
+    rows.push_back({at_ms(1000 + 100 * i), "cup", moving_pose(0.1 * i)});
+  return rows;
+}
+
+/// "cup" stands at the origin for 100 ms.
+std::vector<TruthRow> still_truth() { return {{at_ms(0), "cup", {}}, {at_ms(100), "cup", {}}}; }
+
+PoseLogRow row_at(double ms, const Rigid3& pose, TrackState state = TrackState::kTracking) {
+  PoseLogRow row;
+  row.time = at_ms(ms);
+  row.object = "cup";
+  row.state = state;
+  if (has_pose(state)) row.world_from_object = pose;
+  return row;
+}
+
+TEST(Evaluate, InterpolatesOnTheGeodesic) {
+  std::vector<PoseLogRow> rows;
+  for (double ms = 1000; ms <= 2000; ms += 12.5) {
+    rows.push_back(row_at(ms, moving_pose((ms - 1000) / 1e3)));
+  }
+  const auto result = evaluate(moving_truth(), rows);
+  ASSERT_EQ(result.objects.size(), 1u);
+  const auto& cup = result.objects[0];
+  EXPECT_EQ(cup.all.count, rows.size());
+  EXPECT_LT(cup.all.max_mm, 1e-6);
+  EXPECT_LT(cup.all.max_deg, 1e-5);
+  EXPECT_EQ(cup.coverage(), 1.0);
+}
+
+TEST(Evaluate, NeverExtrapolatesAndDoesNotBridgeGaps) {
+  auto truth = moving_truth();
+  truth.erase(truth.begin() + 4, truth.begin() + 7);  // a gap of 0.4 s
+  const std::vector<PoseLogRow> rows = {row_at(999, {}), row_at(2001, {}), row_at(1450, {}),
+                                        row_at(1000, moving_pose(0))};
+  const auto cup = evaluate(truth, rows).objects[0];
+  EXPECT_EQ(cup.outside_truth, 3u);
+  EXPECT_EQ(cup.all.count, 1u);
+}
+
+TEST(Evaluate, SummarisesErrors) {
+  std::vector<PoseLogRow> rows;
+  for (int i = 1; i <= 100; ++i) {
+    rows.push_back(row_at(i, turned(0.1 * i, {1, 2, 3}, {1e-3 * i, 0, 0})));
+  }
+  const auto all = evaluate(still_truth(), rows).objects[0].all;
+  EXPECT_NEAR(all.median_mm, 50.5, 1e-9);
+  EXPECT_NEAR(all.p95_mm, 95, 1e-9);
+  EXPECT_NEAR(all.max_mm, 100, 1e-9);
+  EXPECT_NEAR(all.median_deg, 5.05, 1e-9);
+  EXPECT_NEAR(all.p95_deg, 9.5, 1e-9);
+}
+
+TEST(Evaluate, CountsWrongClaimsOnlyWhileTracking) {
+  const Rigid3 far(Eigen::Quaterniond::Identity(), {0.021, 0, 0});
+  const Rigid3 tilted = turned(10.5, {0, 1, 0}, {0, 0, 0});
+  const std::vector<PoseLogRow> rows = {row_at(0, {}),
+                                        row_at(10, far),
+                                        row_at(20, tilted),
+                                        row_at(30, far, TrackState::kDegraded),
+                                        row_at(40, far, TrackState::kCoasting),
+                                        row_at(50, {}, TrackState::kLost),
+                                        row_at(60, {}, TrackState::kSearching)};
+  const auto cup = evaluate(still_truth(), rows).objects[0];
+  EXPECT_THAT(cup.wrong_claims, testing::ElementsAre(at_ms(10), at_ms(20)));
+  EXPECT_EQ(cup.by_state.at(TrackState::kDegraded).count, 1u);
+  EXPECT_EQ(cup.state_rows[static_cast<size_t>(TrackState::kLost)], 1u);
+  EXPECT_EQ(cup.covered, 1u);
+  EXPECT_EQ(cup.coverage(), 0.5);
+}
+
+TEST(Evaluate, ForgivesSymmetry) {
+  const Eigen::Vector3d z = Eigen::Vector3d::UnitZ();
+  const Rigid3 truth = turned(40, {1, 1, 0}, {0.1, 0.2, 0.3});
+  const Rigid3 quarter = truth * turned(90, z, {0, 0, 0});
+  EXPECT_NEAR(pose_error(truth, quarter).deg, 90, 1e-9);
+  EXPECT_NEAR(pose_error(truth, quarter, {Symmetry::kDiscrete, z, 4}).deg, 0, 1e-5);
+  EXPECT_NEAR(pose_error(truth, quarter, {Symmetry::kDiscrete, z, 2}).deg, 90, 1e-9);
+  EXPECT_NEAR(pose_error(truth, quarter, {Symmetry::kAxis, z, 1}).deg, 0, 1e-9);
+  const Rigid3 tilted = truth * turned(33, z, {0, 0, 0}) * turned(5, {1, 0, 0}, {0, 0, 0});
+  EXPECT_NEAR(pose_error(truth, tilted, {Symmetry::kAxis, z, 1}).deg, 5, 1e-9);
+}
+
+TEST(Evaluate, NamesWhatIsMissing) {
+  const std::vector<TruthRow> truth = {{at_ms(0), "box", {}}};
+  const std::vector<PoseLogRow> rows = {row_at(0, {})};
+  const auto result = evaluate(truth, rows);
+  ASSERT_EQ(result.objects.size(), 1u);
+  EXPECT_EQ(result.objects[0].rows, 0u);
+  EXPECT_EQ(result.objects[0].coverage(), 0.0);
+  EXPECT_THAT(result.without_truth, testing::ElementsAre("cup"));
+  EXPECT_THAT(to_text(result), testing::HasSubstr("object cup: no truth"));
+}
+
+TEST(Evaluate, PrintsJsonAndText) {
+  const auto result = evaluate(moving_truth(), std::vector{row_at(1000, moving_pose(0))});
+  const auto json = nlohmann::json::parse(to_json(result));
+  EXPECT_EQ(json["objects"][0]["object"], "cup");
+  EXPECT_EQ(json["objects"][0]["errors"]["count"], 1);
+  EXPECT_EQ(json["objects"][0]["state_rows"]["tracking"], 1);
+  EXPECT_EQ(json["objects"][0]["wrong_claims"], 0);
+  EXPECT_THAT(to_text(result), testing::HasSubstr("coverage 9.1 % (1 of 11)"));
+}
+
+}  // namespace
+}  // namespace sightline
