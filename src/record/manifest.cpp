@@ -8,6 +8,8 @@
 #include <set>
 #include <sstream>
 
+#include "sightline/image/convert.hpp"
+
 namespace sightline {
 namespace {
 
@@ -83,6 +85,20 @@ class Table {
   const std::string& where_;
 };
 
+constexpr std::array kRawFormats = {PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kYuyv,
+                                    PixelFormat::kUyvy, PixelFormat::kGrey, PixelFormat::kY10,
+                                    PixelFormat::kY12,  PixelFormat::kY16,  PixelFormat::kRgb24,
+                                    PixelFormat::kBgr24};
+
+Result<std::optional<PixelFormat>> read_pixels(const Table& table) {
+  SL_ASSIGN(const auto name, table.optional<std::string>("pixels", "name of a pixel format"));
+  if (!name) return std::optional<PixelFormat>();
+  for (const PixelFormat format : kRawFormats) {
+    if (*name == to_string(format)) return std::optional(format);
+  }
+  return table.wrong(*table.raw().get("pixels"), "pixels", "name of a raw pixel format");
+}
+
 Result<RecordingManifest::Camera> read_camera(const toml::table& toml, const std::string& where,
                                               std::vector<std::string>& warnings) {
   const Table table(toml, where);
@@ -104,7 +120,8 @@ Result<RecordingManifest::Camera> read_camera(const toml::table& toml, const std
   }
   SL_ASSIGN(camera.width, table.side("width"));
   SL_ASSIGN(camera.height, table.side("height"));
-  table.warn_of_others({"name", "file", "codec", "width", "height"}, warnings);
+  SL_ASSIGN(camera.pixels, read_pixels(table));
+  table.warn_of_others({"name", "file", "codec", "width", "height", "pixels"}, warnings);
   return camera;
 }
 
@@ -227,6 +244,9 @@ std::string format_recording_toml(const RecordingManifest& manifest) {
     text += fmt::format("\n[[camera]]\nname = {}\nfile = {}\ncodec = {}\nwidth = {}\nheight = {}\n",
                         toml_string(camera.name), toml_string(camera.file),
                         toml_string(camera.codec), camera.width, camera.height);
+    if (camera.pixels) {
+      text += fmt::format("pixels = {}\n", toml_string(to_string(*camera.pixels)));
+    }
   }
   return text;
 }

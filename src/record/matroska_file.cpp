@@ -71,7 +71,11 @@ Status MatroskaFile::start(const AVCodecParameters& parameters, double rate_hz) 
   if (code < 0) return check("describe the video", code);
   stream->time_base = kMilliseconds;
   if (rate_hz > 0) stream->avg_frame_rate = av_d2q(rate_hz, 1000);
-  code = avformat_write_header(format_, nullptr);
+  AVDictionary* options = nullptr;
+  // Grey deeper than 8 bits and RGB have no native form in Matroska; this is how FFmpeg keeps them.
+  av_dict_set(&options, "allow_raw_vfw", "1", 0);
+  code = avformat_write_header(format_, &options);
+  av_dict_free(&options);
   started_ = code >= 0;
   if (started_) avio_flush(io_);
   return check("write the head of the video", code);

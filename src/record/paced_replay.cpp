@@ -134,7 +134,7 @@ Result<std::unique_ptr<FrameSource>> open_paced_replay(std::shared_ptr<const Rec
                                                        size_t camera, CameraId id,
                                                        std::shared_ptr<const ReplayClock> clock,
                                                        const PacedReplayOptions& options) {
-  const ReplayCameraOptions camera_options{VideoReaderOptions{options.payload},
+  const ReplayCameraOptions camera_options{VideoReaderOptions{options.payload, {}},
                                            options.loop ? options.keep_decoded_bytes : 0};
   SL_ASSIGN(auto source, ReplayCamera::open(std::move(recording), camera, id, camera_options));
   return std::unique_ptr<FrameSource>(

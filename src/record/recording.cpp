@@ -110,8 +110,8 @@ Status fill_cameras(const RecordingManifest& manifest, const std::string& toml, 
   TailFitter fitter(csv, mode, out.warnings);
   for (size_t i = 0; i < names.size(); ++i) {
     const auto& from = manifest.cameras[i];
-    RecordedCamera camera{from.name,  out.path / from.file, from.codec,
-                          from.width, from.height,          std::move(rows[i])};
+    RecordedCamera camera{from.name,   out.path / from.file, from.codec,        from.width,
+                          from.height, from.pixels,          std::move(rows[i])};
     SL_ASSIGN(
         const uint64_t pictures,
         count_pictures(camera, line_of(toml, static_cast<size_t>(from.line)), mode, out.warnings));

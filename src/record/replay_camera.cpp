@@ -12,8 +12,10 @@ Result<std::unique_ptr<ReplayCamera>> ReplayCamera::open(std::shared_ptr<const R
   std::unique_ptr<ReplayCamera> replay(new ReplayCamera(std::move(recording), camera, id));
   const RecordedCamera& from = replay->camera();
   if (from.rows.empty()) return replay;  // its video need not be there
+  VideoReaderOptions reader = options.reader;
+  reader.raw_format = from.pixels;
   SL_ASSIGN(replay->reader_,
-            VideoReader::open(from.file, from.codec, from.width, from.height, options.reader));
+            VideoReader::open(from.file, from.codec, from.width, from.height, reader));
   replay->half_pool_ = std::make_shared<PicturePool>(from.width, from.height);
   const size_t picture = static_cast<size_t>(from.width) * static_cast<size_t>(from.height) * 3 / 2;
   replay->keep_ = from.rows.size() <= options.keep_decoded_bytes / picture;

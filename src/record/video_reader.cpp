@@ -87,7 +87,9 @@ class LibavReader final : public VideoReader {
   };
 
   Status start_raw(const AVCodecParameters& parameters) {
-    const auto format = av::from_av(static_cast<AVPixelFormat>(parameters.format));
+    const auto format = options_.raw_format
+                            ? options_.raw_format
+                            : av::from_av(static_cast<AVPixelFormat>(parameters.format));
     if (!format) {
       return make_error(ErrorCode::kInvalidInput, file_.string(),
                         "raw pictures in a pixel format that no camera source gives");

@@ -86,8 +86,10 @@ class FolderWriter final : public RecordingWriter {
       const std::string name = camera.name + ".mkv";
       CameraState state;
       SL_ASSIGN(state.file, CameraFile::create(camera, options.raw_storage, folder_ / name));
+      std::optional<PixelFormat> pixels;
+      if (state.file->codec() == "rawvideo") pixels = camera.format;
       manifest.cameras.push_back(
-          {camera.name, name, state.file->codec(), camera.width, camera.height, 0});
+          {camera.name, name, state.file->codec(), camera.width, camera.height, pixels, 0});
       cameras_.push_back(std::move(state));
     }
     SL_ASSIGN(manifest.objects, copy_objects(options.objects, folder_));

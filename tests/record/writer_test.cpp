@@ -41,7 +41,7 @@ std::vector<FramePtr> replay_all(const fs::path& folder) {
     return {};
   }
   auto replay =
-      *VirtualReplay::open(std::make_shared<const Recording>(*std::move(recording)), {true});
+      *VirtualReplay::open(std::make_shared<const Recording>(*std::move(recording)), {true, {}});
   std::vector<FramePtr> frames;
   while (auto set = *replay->next()) frames.insert(frames.end(), set->begin(), set->end());
   return frames;
@@ -209,7 +209,11 @@ TEST(RecordingWriter, H264PassesThroughFromTheFirstKeyFrame) {
   ASSERT_TRUE(again->close());
   EXPECT_EQ(read_text(temp.path() / "again" / "frames.csv"),
             read_text(temp.path() / "r" / "frames.csv"));
-  EXPECT_EQ(read_text(temp.path() / "again" / "cam.mkv"), read_text(temp.path() / "r" / "cam.mkv"));
+  const auto second = replay_all(temp / "again");
+  ASSERT_EQ(second.size(), read.size());
+  for (size_t i = 0; i < read.size(); ++i) {
+    EXPECT_EQ(hash_of(second[i]->i420()), hash_of(read[i]->i420()));
+  }
 }
 
 TEST(RecordingWriter, NumbersGrowOverReopenedSourcesAndTimesNeverRunBackwards) {

@@ -11,6 +11,7 @@
 
 #include "sightline/base/result.hpp"
 #include "sightline/base/time.hpp"
+#include "sightline/image/planes.hpp"
 
 namespace sightline {
 
@@ -30,6 +31,8 @@ struct RecordedCamera {
   std::string codec;           ///< "h264", "mpeg4", "mjpeg", "ffv1", "rawvideo"
   int width = 0;
   int height = 0;
+  /// Of "rawvideo", where recording.toml says it: Matroska has no name for some of them.
+  std::optional<PixelFormat> pixels;
   /// Capture order; row n belongs to the n-th displayed picture of `file`. Both counts agree after
   /// open_recording(): a tail that only one of the two has is cut off (with a warning).
   std::vector<RecordedRow> rows;
@@ -43,7 +46,8 @@ struct RecordingManifest {
   struct Camera {
     std::string name, file, codec;
     int width = 0, height = 0;
-    int line = 0;  ///< of its table in recording.toml
+    std::optional<PixelFormat> pixels;  ///< of "rawvideo"
+    int line = 0;                       ///< of its table in recording.toml
   };
   std::string name;
   std::string start_utc;  ///< RFC 3339; empty if the file does not say

@@ -29,6 +29,8 @@ struct VideoFrame {
 
 struct VideoReaderOptions {
   bool payload = false;
+  /// Of "rawvideo", where the file itself cannot say it; unset: what the file says.
+  std::optional<PixelFormat> raw_format;
 };
 
 /// Decodes one video file with libavcodec in the calling thread: exact counts, and the same
