@@ -62,7 +62,7 @@ void HypothesisBank::step(const BankState& before, Time time, std::span<const Ob
       }
       merge_and_sort();
       if (needs_challenger(time, after)) {
-        start(time, before.hypotheses[0].evidence, true);
+        start(time, after.hypotheses[0].evidence, true);
       }
     }
     merge_and_sort();
@@ -252,9 +252,18 @@ void HypothesisBank::start_from(const Voter& proposer, const Rigid3& pose, Time 
   add_outcome(fresh, time);
 }
 
+// Stable, and without the buffer that std::stable_sort allocates.
+void HypothesisBank::sort_outcomes() {
+  for (size_t i = 1; i < outcomes_.size(); ++i) {
+    for (size_t j = i; j > 0 && comes_before(outcomes_[j], outcomes_[j - 1]); --j) {
+      std::swap(outcomes_[j], outcomes_[j - 1]);
+    }
+  }
+}
+
 // Best first; of two outcomes at one pose the first stays.
 void HypothesisBank::merge_and_sort() {
-  std::stable_sort(outcomes_.begin(), outcomes_.end(), comes_before);
+  sort_outcomes();
   for (size_t i = 0; i < outcomes_.size(); ++i) {
     for (size_t j = outcomes_.size() - 1; j > i; --j) {
       if (!same_pose(outcomes_[i].hypothesis.estimate, outcomes_[j].hypothesis.estimate)) continue;
@@ -289,7 +298,7 @@ bool HypothesisBank::take_over() {
   if (std::none_of(outcomes_.begin(), outcomes_.end(), proven)) return false;
   std::erase_if(outcomes_, [](const Outcome& o) { return !o.hypothesis.challenger; });
   for (Outcome& outcome : outcomes_) outcome.hypothesis.challenger = false;
-  std::stable_sort(outcomes_.begin(), outcomes_.end(), comes_before);
+  sort_outcomes();
   return true;
 }
 

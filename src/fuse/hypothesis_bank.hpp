@@ -33,6 +33,7 @@ class HypothesisBank {
   void start_from(const Voter& proposer, const Rigid3& pose, Time time, double evidence,
                   bool challenger);
   void add_outcome(const Hypothesis& moved, Time time);
+  void sort_outcomes();
   void merge_and_sort();
   bool take_over();
   void settle(BankState& state);
