@@ -71,14 +71,24 @@ int to_alpha(float coverage, float opacity) {
   return static_cast<int>(coverage * opacity * 128.0f + 0.5f);
 }
 
+/// Rounding without a call into the mathematics library, which is what std::ceil is below SSE4.1.
+int ceil_of(float value) {
+  const int whole = static_cast<int>(value);
+  return whole + (static_cast<float>(whole) < value ? 1 : 0);
+}
+
+int floor_of(float value) {
+  const int whole = static_cast<int>(value);
+  return whole - (static_cast<float>(whole) > value ? 1 : 0);
+}
+
 /// Integers x with low <= x <= high, within 0..limit-1.
 struct Span {
   int first;
   int last;
   Span(float low, float high, int limit)
-      : first(static_cast<int>(std::ceil(std::clamp(low, 0.0f, static_cast<float>(limit))))),
-        last(static_cast<int>(std::floor(std::clamp(high, -1.0f, static_cast<float>(limit - 1))))) {
-  }
+      : first(ceil_of(std::clamp(low, 0.0f, static_cast<float>(limit)))),
+        last(floor_of(std::clamp(high, -1.0f, static_cast<float>(limit - 1)))) {}
 };
 
 /// The t for which |slope * t + offset| <= reach.
