@@ -98,8 +98,8 @@ std::optional<Eigen::Vector2d> distort_fisheye(const CameraModel::Parameters& p,
   return scale * across;
 }
 
-/// Normalised point whose distortion is `target`: the radial part inverted exactly, then Newton
-/// through the tangential part, kept inside the fold.
+/// Normalised point whose distortion is `target`: the radial part inverted roughly, but safely,
+/// then Newton through all of it, kept inside the fold.
 std::optional<Eigen::Vector2d> undistort(const CameraModel::Parameters& p, double max_radius,
                                          const Eigen::Vector2d& target) {
   const double limit = std::min(max_radius, kPinholeLimit);
@@ -107,7 +107,7 @@ std::optional<Eigen::Vector2d> undistort(const CameraModel::Parameters& p, doubl
   if (!std::isfinite(distance)) return std::nullopt;
   if (distance == 0 && p.distortion[2] == 0 && p.distortion[3] == 0) return target;
   Eigen::Vector2d m = target;
-  if (distance > 0) m *= invert_profile(radial_profile(p), distance, limit) / distance;
+  if (distance > 0) m *= invert_profile(radial_profile(p), distance, limit, 1e-4) / distance;
   const double tolerance_px = 1e-8;
   for (int i = 0; i < 50; ++i) {
     Eigen::Matrix2d j;
@@ -207,7 +207,7 @@ std::optional<Eigen::Vector3d> CameraModel::unproject(const Eigen::Vector2d& pix
   if (!std::isfinite(theta_d)) return std::nullopt;
   if (theta_d == 0) return Eigen::Vector3d::UnitZ();
   const RadialProfile profile = radial_profile(p);
-  const double angle = invert_profile(profile, theta_d, max_valid_radius_);
+  const double angle = invert_profile(profile, theta_d, max_valid_radius_, 1e-13);
   const double error = std::abs(profile.distorted(angle) - theta_d);
   if (!(error * std::max(p.fx, p.fy) < 1e-8)) return std::nullopt;
   if (!(angle < max_valid_radius_ * kInsideFold)) return std::nullopt;

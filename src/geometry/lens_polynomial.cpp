@@ -101,7 +101,7 @@ double fold_over_radius(const RadialProfile& profile, double limit) {
   return std::sqrt(first);
 }
 
-double invert_profile(const RadialProfile& profile, double target, double limit) {
+double invert_profile(const RadialProfile& profile, double target, double limit, double tolerance) {
   double low = 0;
   double high = limit;
   if (!(target > 0)) return 0;
@@ -109,7 +109,7 @@ double invert_profile(const RadialProfile& profile, double target, double limit)
   double r = std::min(target, 0.5 * limit);
   for (int i = 0; i < 100; ++i) {
     const double error = profile.distorted(r) - target;
-    if (std::abs(error) <= 1e-15 * target) break;
+    if (std::abs(error) <= tolerance * target) break;
     (error > 0 ? high : low) = r;
     double next = r - error / profile.slope(r);
     if (!(next > low && next < high)) next = 0.5 * (low + high);

@@ -19,7 +19,7 @@ struct RadialProfile {
 double fold_over_radius(const RadialProfile& profile, double limit);
 
 /// r in [0, limit] with distorted(r) = target, for a profile that grows on [0, limit]; clamped to
-/// the ends. Newton inside a shrinking bracket.
-double invert_profile(const RadialProfile& profile, double target, double limit);
+/// the ends. Newton inside a shrinking bracket, to `tolerance` relative to the target.
+double invert_profile(const RadialProfile& profile, double target, double limit, double tolerance);
 
 }  // namespace sightline

@@ -16,6 +16,7 @@ namespace sightline {
 /// What a checker leaves for assimp, which reads broken files by dropping, clamping or crashing.
 struct CheckedMesh {
   std::optional<std::string> content;  ///< to be read instead of the file: only what is understood
+  std::string format;                  ///< of that content, where it differs from the file's
   std::optional<size_t> faces;         ///< polygons that must come out, where they can be counted
 };
 

@@ -411,7 +411,7 @@ Result<CheckedMesh> checked_document(std::string_view text, bool has_chunk, size
   if (!document.is_object())
     return make_error(ErrorCode::kInvalidInput, where, "not a glTF document");
   SL_ASSIGN(const auto kept, GltfChecker(document, has_chunk, chunk_bytes, where).check());
-  return CheckedMesh{kept.document.dump(), kept.faces};
+  return CheckedMesh{kept.document.dump(), {}, kept.faces};
 }
 
 uint32_t word_at(std::string_view content, size_t at) {
@@ -469,7 +469,7 @@ Result<CheckedMesh> check_glb(std::string_view content, const std::string& where
     append_word(kBinaryChunk, &out);
     out += padded;
   }
-  return CheckedMesh{std::move(out), checked.faces};
+  return CheckedMesh{std::move(out), {}, checked.faces};
 }
 
 }  // namespace sightline

@@ -35,7 +35,7 @@ class ObjChecker {
                           e.count);
       }
     }
-    return CheckedMesh{std::move(kept_), faces_};
+    return CheckedMesh{std::move(kept_), {}, faces_};
   }
 
  private:

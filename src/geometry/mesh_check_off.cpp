@@ -9,6 +9,7 @@
 namespace sightline {
 namespace {
 
+/// Rewrites the file as OBJ: assimp's own OFF loader drops faces of more than nine corners.
 class OffChecker {
  public:
   OffChecker(std::string_view text, const std::string& where)
@@ -22,11 +23,10 @@ class OffChecker {
     if (words_.empty() && !next_line()) return fault("file ends before the counts");
     SL_ASSIGN(const uint64_t vertices, count(0, "vertices"));
     SL_ASSIGN(const uint64_t faces, count(1, "faces"));
-    kept_ = fmt::format("OFF\n{} {} 0\n", vertices, faces);
     for (uint64_t i = 0; i < vertices; ++i) SL_RETURN_IF_ERROR(check_vertex(i));
     for (uint64_t i = 0; i < faces; ++i) SL_RETURN_IF_ERROR(check_face(i, vertices));
     if (next_line()) return fault("text after the last of {} faces", faces);
-    return CheckedMesh{std::move(kept_), static_cast<size_t>(faces)};
+    return CheckedMesh{std::move(kept_), "obj", static_cast<size_t>(faces)};
   }
 
  private:
@@ -61,6 +61,7 @@ class OffChecker {
   Status check_vertex(uint64_t vertex) {
     if (!next_line()) return fault("file ends at vertex {}", vertex);
     if (words_.size() < 3) return fault("vertex {} has {} numbers", vertex, words_.size());
+    kept_ += "v ";
     for (size_t i = 0; i < 3; ++i) {
       const auto value = parse_number(words_[i]);
       if (!value) return fault("vertex {}: '{}' is not a number", vertex, printable(words_[i]));
@@ -78,13 +79,13 @@ class OffChecker {
       return fault("face {}: {} indices for {} corners, allowed are 3 to {}", face,
                    words_.size() - 1, printable(words_[0]), kMaxCorners);
     }
-    kept_ += words_[0];
+    kept_ += 'f';
     for (size_t i = 1; i <= *corners; ++i) {
       const auto index = parse_unsigned(words_[i]);
       if (!index || *index >= vertices) {
         return fault("face {}: vertex index {} of {}", face, printable(words_[i]), vertices);
       }
-      (kept_ += ' ') += words_[i];
+      kept_ += fmt::format(" {}", *index + 1);
     }
     kept_ += '\n';
     return {};

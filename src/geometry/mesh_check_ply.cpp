@@ -67,7 +67,7 @@ class PlyChecker {
     for (const PlyElement& element : elements_) {
       for (uint64_t i = 0; i < element.count; ++i) SL_RETURN_IF_ERROR(check_row(element, i));
     }
-    return CheckedMesh{std::nullopt, faces_};
+    return CheckedMesh{std::nullopt, {}, faces_};
   }
 
  private:

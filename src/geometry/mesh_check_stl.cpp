@@ -23,7 +23,7 @@ class StlTextChecker {
       scanner_.skip_line();
       SL_RETURN_IF_ERROR(check_solid());
     }
-    return CheckedMesh{std::nullopt, facets_};
+    return CheckedMesh{std::nullopt, {}, facets_};
   }
 
  private:
@@ -84,7 +84,7 @@ Result<CheckedMesh> check_stl(std::string_view content, const std::string& where
     uint32_t facets = 0;
     std::memcpy(&facets, content.data() + kHeaderBytes - sizeof facets, sizeof facets);
     if (content.size() == kHeaderBytes + kFacetBytes * size_t{facets}) {
-      return CheckedMesh{std::nullopt, facets};
+      return CheckedMesh{std::nullopt, {}, facets};
     }
   }
   if (content.substr(0, 5) == "solid") return StlTextChecker(content, where).check();

@@ -244,8 +244,9 @@ Result<TriangleMesh> import_mesh(std::string_view file, const std::string& forma
   SL_ASSIGN(const CheckedMesh checked, check(file, format, where));
   const std::string_view content = checked.content ? std::string_view(*checked.content) : file;
   Assimp::Importer importer;
-  keep_loaders_of(format, &importer);
-  const std::string name = "mesh." + format;
+  const std::string& read_as = checked.format.empty() ? format : checked.format;
+  keep_loaders_of(read_as, &importer);
+  const std::string name = "mesh." + read_as;
   importer.SetIOHandler(new BoundedFiles(content, name, directory));  // importer deletes it
   const aiScene* scene = importer.ReadFile(name, aiProcess_ValidateDataStructure);
   if (scene == nullptr) {
