@@ -3,25 +3,11 @@
 
 #include <gtest/gtest.h>
 
-#include <atomic>
-#include <cstdlib>
-#include <new>
 #include <optional>
 #include <thread>
 #include <vector>
 
-namespace {
-std::atomic<size_t> g_allocations{0};
-}  // namespace
-
-// Counts what goes through the heap in this program.
-void* operator new(size_t size) {
-  g_allocations.fetch_add(1, std::memory_order_relaxed);
-  if (void* p = std::malloc(size ? size : 1)) return p;
-  throw std::bad_alloc();
-}
-void operator delete(void* p) noexcept { std::free(p); }
-void operator delete(void* p, size_t) noexcept { std::free(p); }
+#include "support/allocations.hpp"
 
 namespace sightline {
 namespace {
@@ -56,14 +42,14 @@ TEST(PicturePool, RecyclesWithoutTouchingTheHeap) {
   half.reset();
   held.assign(4, nullptr);
   const size_t warm = pool.allocated();
-  const size_t before = g_allocations.load();
+  const size_t before = test::allocations();
   for (int round = 0; round < 100; ++round) {
     for (auto& picture : held) picture = pool.get();
     half = pool.get_half();
     half.reset();
     for (auto& picture : held) picture.reset();
   }
-  EXPECT_EQ(g_allocations.load(), before);
+  EXPECT_EQ(test::allocations(), before);
   EXPECT_EQ(pool.allocated(), warm);
   EXPECT_EQ(warm, 5u);
 }
