@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <cstdio>
@@ -438,7 +439,7 @@ struct SkewError {
 SkewError skew_error(const test::MotionOptions& motion, bool later, Duration unknown) {
   double translation = 0, rotation = 0;
   int n = 0;
-  for (uint64_t seed = 1; seed <= 12; ++seed) {
+  for (uint64_t seed = 1; seed <= 6; ++seed) {
     RigOptions options = moving_rig(2, seed);
     options.phases = {0.0, later ? 0.008 * options.rate_hz : 0.0};
     options.skews = {Duration(0), unknown};
@@ -494,31 +495,29 @@ TEST(Skew, LivelyMotionCostsALittleMore) {
 }
 
 TEST(Coasting, PredictedErrorsAreNotUnderstated) {
-  double worst_mean = 0;
-  for (const int ahead : {50, 100, 200, 300}) {
-    double mean = 0;
-    int n = 0;
-    for (uint64_t seed = 1; seed <= 30; ++seed) {
-      const SyntheticRig rig(moving_rig(2, seed));
-      auto estimator = make();
-      for (const auto& set : rig.sets()) estimator.process(set);
-      const Time time = estimator.track()->newest().time + milliseconds(ahead);
+  const std::array<int, 4> ahead_ms = {50, 100, 200, 300};
+  std::array<double, 4> mean{};
+  constexpr int kSeeds = 30;
+  for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    const SyntheticRig rig(moving_rig(2, seed));
+    auto estimator = make();
+    for (const auto& set : rig.sets()) estimator.process(set);
+    for (size_t i = 0; i < ahead_ms.size(); ++i) {
+      const Time time = estimator.track()->newest().time + milliseconds(ahead_ms[i]);
       const PoseAt at = estimator.track()->at(time);
       ASSERT_EQ(at.source, PoseSource::kPredicted);
       const Vector6 e = difference(at.estimate.world_from_object, rig.truth(time));
-      mean += e.dot(at.estimate.pose_covariance().inverse() * e);
-      ++n;
+      mean[i] += e.dot(at.estimate.pose_covariance().inverse() * e) / kSeeds;
     }
-    worst_mean = std::max(worst_mean, mean / n);
   }
-  EXPECT_LT(worst_mean, 6.0 * 1.2);
+  for (const double average : mean) EXPECT_LT(average, 6.0 * 1.2);
 }
 
 // Two to four cameras, fast or slow, together or not; lively motion, dropouts, hidden cameras,
 // lone tags, wrong ideas of the pixel noise: tracking is said often, and never wrongly.
-TEST(Claims, NoneIsWrongInSixtyRigs) {
+TEST(Claims, NoneIsWrongInFortyRigs) {
   size_t measured = 0, tracking = 0;
-  for (uint64_t seed = 1; seed <= 60; ++seed) {
+  for (uint64_t seed = 1; seed <= 40; ++seed) {
     test::Random random(seed);
     RigOptions options = moving_rig(2 + static_cast<int>(3 * random.uniform()), seed);
     options.rate_hz = random.uniform() < 0.3 ? 6 : 30;
