@@ -180,7 +180,10 @@ void CameraUnit::draw(std::stop_token stop, Heartbeat& heartbeat) {
   while (!stop.stop_requested()) {
     heartbeat.beat();
     const auto frame = draw_slot_.take(stop, kTurn);
-    if (!frame) continue;
+    if (!frame) {
+      parts_.output->report();
+      continue;
+    }
     {
       std::lock_guard lock(mutex_);
       if (next_renderer_) renderer = std::move(next_renderer_);

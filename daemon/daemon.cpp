@@ -187,8 +187,8 @@ Status Daemon::start_pipeline(const Installation& installation, const Rig& rig,
       recorder->push(estimate);
     };
   }
-  SL_ASSIGN(fusion_, FusionUnit::start(installation.estimator, rig.objects.size(), board_,
-                                       registry_, beats_, std::move(on_estimate)));
+  SL_ASSIGN(fusion_, FusionUnit::start(installation.estimator, rig.names(), board_, registry_,
+                                       beats_, std::move(on_estimate)));
   for (CameraParts& camera : parts) {
     SL_RETURN_IF_ERROR(start_camera(installation, rig, std::move(camera)));
   }

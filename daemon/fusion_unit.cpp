@@ -10,33 +10,33 @@ namespace sightline {
 using namespace std::chrono_literals;
 
 Result<std::unique_ptr<FusionUnit>> FusionUnit::start(const EstimatorOptions& options,
-                                                      size_t objects,
+                                                      const std::vector<NamedObject>& objects,
                                                       std::shared_ptr<TrackBoard> board,
                                                       Registry& registry, HeartbeatBoard& beats,
                                                       OnEstimate on_estimate) {
   std::vector<ObjectEstimator> estimators;
-  for (size_t i = 0; i < objects; ++i) {
-    const ObjectId id(static_cast<uint32_t>(i));
-    SL_ASSIGN(ObjectEstimator estimator, ObjectEstimator::create(options, id));
+  for (const NamedObject& object : objects) {
+    SL_ASSIGN(ObjectEstimator estimator, ObjectEstimator::create(options, object.id));
     estimators.push_back(std::move(estimator));
   }
-  std::unique_ptr<FusionUnit> unit(
-      new FusionUnit(std::move(estimators), std::move(board), registry, std::move(on_estimate)));
+  std::unique_ptr<FusionUnit> unit(new FusionUnit(std::move(estimators), objects, std::move(board),
+                                                  registry, std::move(on_estimate)));
   Heartbeat& heartbeat = beats.add("fuse", 2s);
   unit->thread_ = start_thread(
       "fuse", [raw = unit.get(), &heartbeat](std::stop_token stop) { raw->run(stop, heartbeat); });
   return unit;
 }
 
-FusionUnit::FusionUnit(std::vector<ObjectEstimator> estimators, std::shared_ptr<TrackBoard> board,
+FusionUnit::FusionUnit(std::vector<ObjectEstimator> estimators,
+                       const std::vector<NamedObject>& objects, std::shared_ptr<TrackBoard> board,
                        Registry& registry, OnEstimate on_estimate)
     : estimators_(std::move(estimators)),
       board_(std::move(board)),
       on_estimate_(std::move(on_estimate)),
       dropped_(registry.counter("sightline_observations_dropped_total",
                                 "Observations that the estimator had no time for")) {
-  for (size_t i = 0; i < estimators_.size(); ++i) {
-    const Labels labels{{"object", std::to_string(i)}};
+  for (const NamedObject& object : objects) {
+    const Labels labels{{"object", object.name}};
     counters_.push_back(
         {&registry.counter("sightline_measurements_accepted_total",
                            "Camera measurements that entered the estimate", labels),

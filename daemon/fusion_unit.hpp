@@ -10,6 +10,7 @@
 #include "sightline/base/bounded_queue.hpp"
 #include "sightline/base/counters.hpp"
 #include "sightline/fuse/estimator.hpp"
+#include "sightline/model/stream_types.hpp"
 #include "track_board.hpp"
 
 namespace sightline {
@@ -21,7 +22,8 @@ class FusionUnit {
   using OnEstimate = std::function<void(const PoseEstimate&)>;
 
   /// `on_estimate` (may be empty) hears of every estimate on the fusion thread; it must not block.
-  static Result<std::unique_ptr<FusionUnit>> start(const EstimatorOptions& options, size_t objects,
+  static Result<std::unique_ptr<FusionUnit>> start(const EstimatorOptions& options,
+                                                   const std::vector<NamedObject>& objects,
                                                    std::shared_ptr<TrackBoard> board,
                                                    Registry& registry, HeartbeatBoard& beats,
                                                    OnEstimate on_estimate);
@@ -32,8 +34,8 @@ class FusionUnit {
   void stop();
 
  private:
-  FusionUnit(std::vector<ObjectEstimator> estimators, std::shared_ptr<TrackBoard> board,
-             Registry& registry, OnEstimate on_estimate);
+  FusionUnit(std::vector<ObjectEstimator> estimators, const std::vector<NamedObject>& objects,
+             std::shared_ptr<TrackBoard> board, Registry& registry, OnEstimate on_estimate);
   void run(std::stop_token stop, Heartbeat& heartbeat);
   void take(const Observation& observation);
 

@@ -82,14 +82,16 @@ void StreamOutput::accept(const AnnotatedPicture& picture) {
   }
   if (keyframe_wanted_->exchange(false)) current->request_keyframe();
   current->push(picture, names_);
-  count(*current);
+  report();
 }
 
-void StreamOutput::count(const VideoEncoder& current) {
-  const EncoderCounts counts = current.counts();
-  encoded_.add(counts.encoded - counted_.encoded);
-  dropped_.add(counts.dropped - counted_.dropped);
-  counted_ = counts;
+void StreamOutput::report() {
+  if (const auto current = encoder()) {
+    const EncoderCounts counts = current->counts();
+    encoded_.add(counts.encoded - counted_.encoded);
+    dropped_.add(counts.dropped - counted_.dropped);
+    counted_ = counts;
+  }
   const uint64_t unsent = stream_->dropped();
   unsent_.add(unsent - unsent_counted_);
   unsent_counted_ = unsent;

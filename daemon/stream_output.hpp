@@ -28,6 +28,8 @@ class StreamOutput : public PictureSink {
   bool wanted() const override { return stream_->wanted(); }
   /// From the drawing thread only.
   void accept(const AnnotatedPicture& picture) override;
+  /// Brings the counters up to date; from the drawing thread, also when there is nothing to draw.
+  void report();
   /// Ends the encoder; nothing may be accepted afterwards.
   void close();
 
@@ -41,7 +43,6 @@ class StreamOutput : public PictureSink {
                std::shared_ptr<RtspStream> stream, Registry& registry);
   std::shared_ptr<VideoEncoder> encoder() const;
   bool make_encoder();
-  void count(const VideoEncoder& encoder);
 
   const std::string camera_;
   const EncoderOptions options_;
