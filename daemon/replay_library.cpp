@@ -49,10 +49,15 @@ Result<std::unique_ptr<FrameSource>> ReplayLibrary::open(const CameraConfig& cam
 Result<PixelFormat> ReplayLibrary::payload_format(const CameraConfig& camera) {
   SL_ASSIGN(const Entry played, entry(camera.recording));
   SL_ASSIGN(const size_t index, index_in(*played.recording, camera));
-  const std::string& codec = played.recording->cameras[index].codec;
-  if (codec == "h264") return PixelFormat::kH264;
-  if (codec == "mjpeg") return PixelFormat::kMjpeg;
-  return PixelFormat::kI420;
+  const RecordedCamera& recorded = played.recording->cameras[index];
+  // Whether packets can be passed on depends on the stream (reordered pictures), not on its codec.
+  VideoReaderOptions options;
+  options.payload = true;
+  options.raw_format = recorded.pixels;
+  SL_ASSIGN(auto reader, VideoReader::open(recorded.file, recorded.codec, recorded.width,
+                                           recorded.height, options));
+  SL_ASSIGN(const auto first, reader->next());
+  return first ? first->format : PixelFormat::kI420;
 }
 
 }  // namespace sightline

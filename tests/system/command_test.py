@@ -1,0 +1,199 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""The command line program as its users run it: exit codes, accuracy on the bundled recording, determinism,
+recording and crash."""
+import csv
+import json
+import os
+import shutil
+import signal
+import subprocess
+import time
+import unittest
+
+from support import BENCH, BIN, ROOT, WAIT_S, TemporaryFolder, free_port, installation, sightline, wait_until
+
+import sys
+sys.path.insert(0, os.path.join(ROOT, "tests", "demo"))
+import truth_view  # noqa: E402
+
+
+class Usage(TemporaryFolder):
+    def test_wrong_usage_exits_with_2(self):
+        for arguments in ([], ["nonsense"], ["replay"], ["replay", BENCH, "--nonsense"], ["evaluate", "one"]):
+            sightline(*arguments, status=2)
+
+    def test_help_and_version_exit_with_0(self):
+        self.assertIn("replay", sightline("--help")[0])
+        self.assertRegex(sightline("--version")[0], r"\d+\.\d+\.\d+")
+
+    def test_missing_files_exit_with_2_and_are_named(self):
+        for arguments in (["replay", "/nowhere"], ["check", "/nowhere"], ["evaluate", "/nowhere/t", "/nowhere/p"],
+                          ["record", "--config", "/nowhere", self.path("out")]):
+            self.assertIn("/nowhere", sightline(*arguments, status=2)[1])
+
+    def test_check_accepts_recording_and_installation(self):
+        self.assertIn("ok", sightline("check", BENCH)[0])
+        config = self.write("a.toml", installation(8554, 9754))
+        self.assertTrue(json.loads(sightline("check", config, "--json")[0])["ok"])
+
+    def test_check_reports_as_json(self):
+        config = self.write("a.toml", "calibration = 3\n")
+        answer = json.loads(sightline("check", config, "--json", status=2)[0])
+        self.assertFalse(answer["ok"])
+        self.assertRegex(answer["where"], r"a\.toml:1:\d+")
+
+
+class Accuracy(TemporaryFolder):
+    """The figures that the project promises for the bundled recording (docs/accuracy.md)."""
+
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.shared = TemporaryFolder()
+        cls.shared.setUp()
+        cls.poses = cls.shared.path("poses.csv")
+        sightline("replay", BENCH, "--poses", cls.poses)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.shared.doCleanups()
+
+    def test_errors_against_the_truth(self):
+        result = json.loads(sightline("evaluate", f"{BENCH}/truth.csv", self.poses, "--json")[0])
+        carton = result["objects"][0]
+        errors = carton["errors"]
+        self.assertLessEqual(errors["median_mm"], 1.0)
+        self.assertLessEqual(errors["median_deg"], 0.4)
+        self.assertLessEqual(errors["p95_mm"], 3.0)
+        self.assertLessEqual(errors["p95_deg"], 1.2)
+        self.assertEqual(carton["wrong_claims"], 0)
+        self.assertEqual(errors["count"], 90)
+
+    def test_corners_of_the_model_in_the_blocked_camera(self):
+        side = truth_view.read_camera(f"{BENCH}/calibration.toml", "side")
+        vertices = sorted(set(truth_view.read_vertices(f"{BENCH}/objects/carton.obj")))
+        truth = truth_view.read_truth(f"{BENCH}/truth.csv")
+        errors = []
+        with open(self.poses, newline="", encoding="utf-8") as file:
+            for row in csv.DictReader(file):
+                pose = (tuple(float(row[k]) for k in ("tx", "ty", "tz")),
+                        tuple(float(row[k]) for k in ("qw", "qx", "qy", "qz")))
+                for a, b in zip(truth_view.project_object(side, pose, vertices),
+                                truth_view.project_object(side, truth[int(row["t_ns"])], vertices)):
+                    errors.append(((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2) ** 0.5)
+        errors.sort()
+        print(f"model corners in side: median {errors[len(errors) // 2]:.2f} px, "
+              f"95 % {errors[len(errors) * 95 // 100]:.2f} px")
+        self.assertLessEqual(errors[len(errors) // 2], 1.0)
+
+
+class Determinism(TemporaryFolder):
+    def test_two_runs_and_any_number_of_cores_give_the_same_bytes(self):
+        logs = []
+        for i, prefix in enumerate(([], [], ["taskset", "-c", "0"])):
+            if prefix and not shutil.which("taskset"):
+                continue
+            path = self.path(f"poses{i}.csv")
+            subprocess.run([*prefix, os.path.join(BIN, "sightline"), "replay", BENCH, "--poses", path], check=True,
+                           timeout=4 * WAIT_S, stdout=subprocess.DEVNULL)
+            with open(path, "rb") as file:
+                logs.append(file.read())
+        self.assertGreater(len(logs[0]), 1000)
+        for log in logs[1:]:
+            self.assertEqual(log, logs[0])
+
+
+class Overlay(TemporaryFolder):
+    def test_writes_a_video_per_camera(self):
+        sightline("replay", BENCH, "--overlay", self.path("out"))
+        for camera in ("left", "right", "side"):
+            frames = subprocess.run(["ffprobe", "-v", "error", "-count_packets", "-show_entries",
+                                     "stream=nb_read_packets", "-of", "csv=p=0", self.path("out", camera + ".mkv")],
+                                    check=True, capture_output=True, text=True, timeout=WAIT_S).stdout
+            self.assertEqual(int(frames.strip().strip(",")), 90)
+
+
+class Record(TemporaryFolder):
+    def test_a_recording_of_a_recording_is_the_same_pictures(self):
+        text = installation(free_port(), free_port()).replace('[[object]]', 'loop = false\n[[object]]')
+        config = self.write("a.toml", text.replace(f'"replay:{BENCH}"\n[[camera]]',
+                                                   f'"replay:{BENCH}"\nloop = false\n[[camera]]'))
+        sightline("record", "--config", config, self.path("out"))
+        self.assertIn("ok", sightline("check", self.path("out"))[0])
+        with open(self.path("out", "frames.csv"), encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+        self.assertGreater(len(rows), 0)
+        # What was not dropped on a busy machine is bit-exact: compare decoded frames by their hash.
+        for camera in ("left", "side"):
+            kept = [int(r["sequence"]) for r in rows if r["camera"] == camera]
+            original = self.hashes(f"{BENCH}/{camera}.mkv")
+            copied = self.hashes(self.path("out", camera + ".mkv"))
+            self.assertEqual(len(copied), len(kept))
+            if kept == list(range(len(original))):
+                self.assertEqual(copied, original)
+
+    @staticmethod
+    def hashes(path):
+        text = subprocess.run(["ffmpeg", "-nostdin", "-loglevel", "error", "-i", path, "-fps_mode", "passthrough",
+                               "-f", "framemd5", "-"], check=True, capture_output=True, text=True,
+                              timeout=WAIT_S).stdout
+        return [line.split(",")[-1].strip() for line in text.split("\n") if line and not line.startswith("#")]
+
+    def test_a_killed_recording_opens(self):
+        config = self.write("a.toml", installation(free_port(), free_port()))
+        process = subprocess.Popen([os.path.join(BIN, "sightline"), "record", "--config", config, self.path("out")],
+                                   stderr=subprocess.DEVNULL)
+        frames = self.path("out", "frames.csv")
+        wait_until(lambda: os.path.exists(frames) and os.path.getsize(frames) > 8000, "frames are recorded")
+        time.sleep(0.2)
+        process.send_signal(signal.SIGKILL)
+        process.wait(timeout=WAIT_S)
+        sightline("replay", self.path("out"), "--poses", self.path("p.csv"))
+        self.assertGreater(os.path.getsize(self.path("p.csv")), 1000)
+
+    def test_refuses_a_folder_that_is_not_empty(self):
+        os.mkdir(self.path("out"))
+        self.write("out/precious", "x")
+        config = self.write("a.toml", installation(free_port(), free_port()))
+        sightline("record", "--config", config, self.path("out"), status=2)
+        self.assertEqual(os.listdir(self.path("out")), ["precious"])
+
+
+class Damaged(TemporaryFolder):
+    """A recording with one thing wrong is refused with 2 and the place is named."""
+
+    def setUp(self):
+        super().setUp()
+        self.recording = self.path("rec")
+        shutil.copytree(BENCH, self.recording)
+
+    def refused(self, words):
+        error = sightline("replay", self.recording, status=2)[1]
+        for word in words:
+            self.assertIn(word, error)
+
+    def test_missing_video(self):
+        os.remove(os.path.join(self.recording, "side.mkv"))
+        self.refused(["side.mkv"])
+
+    def test_video_cut_in_the_middle(self):
+        path = os.path.join(self.recording, "left.mkv")
+        with open(path, "r+b") as file:
+            file.truncate(os.path.getsize(path) // 3)
+        self.refused(["left"])
+
+    def test_times_running_backwards(self):
+        path = os.path.join(self.recording, "frames.csv")
+        with open(path, encoding="utf-8") as file:
+            lines = file.read().split("\n")
+        parts = lines[40].split(",")
+        parts[2] = str(int(parts[2]) - 10**9)
+        lines[40] = ",".join(parts)
+        with open(path, "w", encoding="utf-8") as file:
+            file.write("\n".join(lines))
+        self.refused(["frames.csv:41"])
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
