@@ -24,6 +24,9 @@ void* counted(std::size_t size, std::size_t alignment) {
 
 }  // namespace
 
+// The compiler does not see that new and delete are replaced together.
+#pragma GCC diagnostic ignored "-Wmismatched-new-delete"
+
 void* operator new(std::size_t size) { return counted(size, alignof(std::max_align_t)); }
 void* operator new[](std::size_t size) { return counted(size, alignof(std::max_align_t)); }
 void* operator new(std::size_t size, std::align_val_t a) {

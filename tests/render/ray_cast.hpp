@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -30,12 +31,15 @@ class RayCaster {
       : mesh_(mesh), rotation_(camera_from_object.rotation_matrix()) {
     for (uint32_t i = 0; i < mesh.vertex_count(); ++i)
       points_.push_back(rotation_ * mesh.vertex(i) + camera_from_object.translation);
+    for (const auto& face : mesh.faces) limits_.push_back(limits(face));
   }
 
   CastHit cast(const Eigen::Vector3d& ray) const {
     CastHit hit;
     const Eigen::Vector3d r = ray / ray.z();
     for (uint32_t f = 0; f < mesh_.faces.size(); ++f) {
+      const Limits& l = limits_[f];
+      if (r.x() < l.low_x || r.x() > l.high_x || r.y() < l.low_y || r.y() > l.high_y) continue;
       const auto z = depth(f, r);
       if (!z || *z < kNearPlane) continue;
       const double inverse = 1 / *z;
@@ -52,6 +56,26 @@ class RayCaster {
   }
 
  private:
+  /// Rectangle of rays that a face in front of the camera lies in, to save time.
+  struct Limits {
+    double low_x = -kEverywhere, high_x = kEverywhere, low_y = -kEverywhere, high_y = kEverywhere;
+  };
+  static constexpr double kEverywhere = std::numeric_limits<double>::infinity();
+
+  Limits limits(const std::array<uint32_t, 3>& face) const {
+    Limits l{kEverywhere, -kEverywhere, kEverywhere, -kEverywhere};
+    for (const uint32_t v : face) {
+      const Eigen::Vector3d& p = points_[v];
+      if (p.z() <= 0) return {};
+      const double x = p.x() / p.z();
+      const double y = p.y() / p.z();
+      const double slack = 1e-9 * (1 + std::abs(x) + std::abs(y));
+      l = {std::min(l.low_x, x - slack), std::max(l.high_x, x + slack),
+           std::min(l.low_y, y - slack), std::max(l.high_y, y + slack)};
+    }
+    return l;
+  }
+
   std::optional<double> depth(uint32_t face, const Eigen::Vector3d& r) const {
     const auto& f = mesh_.faces[face];
     const Eigen::Vector3d& p = points_[f[0]];
@@ -82,6 +106,7 @@ class RayCaster {
   const RenderMesh& mesh_;
   Eigen::Matrix3d rotation_;
   std::vector<Eigen::Vector3d> points_;
+  std::vector<Limits> limits_;
 };
 
 }  // namespace sightline::test
