@@ -69,8 +69,8 @@ class Dice {
   std::mt19937 engine_;
 };
 
-/// A pose that puts the object's origin over `pixel` at the given depth; over the principal point if
-/// the pixel has no ray.
+/// A pose that puts the object's origin over `pixel` at the given depth; over the principal point
+/// if the pixel has no ray.
 inline Rigid3 pose_at(const CameraModel& model, const Eigen::Vector2d& pixel, double depth,
                       const Eigen::Quaterniond& rotation) {
   const Eigen::Vector3d ray = model.unproject(pixel).value_or(Eigen::Vector3d::UnitZ());
