@@ -33,6 +33,14 @@ std::string launch_line(const RtspStreamOptions& options) {
       options.width, options.height, numerator, denominator);
 }
 
+/// Only then has the element a clock and the time base that goes with it. (Between the two a time
+/// stamp would be hours ahead, and the sink would wait for it.)
+bool is_playing(GstElement* element) {
+  GstState state = GST_STATE_NULL;
+  gst_element_get_state(element, &state, nullptr, 0);
+  return state == GST_STATE_PLAYING;
+}
+
 /// The media's sinks send a packet at its capture time plus the pipeline's latency, which GStreamer
 /// makes at least 20 ms (processing-deadline). With latency 0 that time is always past, so packets
 /// leave when they are made. (Switching the sinks' clock off does not last: PLAY sets it again.)
@@ -106,16 +114,16 @@ void SharedStream::push(const EncodedPacket& packet) {
 /// False if the media waits for a key frame now.
 bool SharedStream::send(Media& media, const EncodedPacket& packet) {
   if (media.needs_keyframe && !packet.keyframe) return false;
-  const GstObjectPtr<GstClock> clock(gst_element_get_clock(media.source.get()));
   auto* source = GST_APP_SRC(media.source.get());
-  // Without a clock the pipeline is not playing yet: what comes now would have no time.
-  if (!clock || gst_app_src_get_current_level_buffers(source) >= kMaxQueued) {
+  if (!is_playing(media.source.get()) ||
+      gst_app_src_get_current_level_buffers(source) >= kMaxQueued) {
     ++dropped_;
     media.needs_keyframe = true;
     return false;
   }
   media.needs_keyframe = false;
   GstBuffer* buffer = wrap_bytes(packet.bytes);
+  const GstObjectPtr<GstClock> clock(gst_element_get_clock(media.source.get()));
   const uint64_t pts = media.clock.running_time(
       to_ns(packet.capture), static_cast<int64_t>(gst_clock_get_time(clock.get())),
       static_cast<int64_t>(gst_element_get_base_time(media.source.get())));

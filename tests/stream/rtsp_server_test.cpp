@@ -278,6 +278,40 @@ TEST_F(RtspServerTest, ALateViewerStartsWithAKeyFrame) {
   EXPECT_TRUE(found);
 }
 
+/// Packets that come while the pipeline is just starting must not get time stamps of a clock that
+/// is not set yet: the stream would stand still.
+TEST_F(RtspServerTest, PacketsDuringTheStartDoNotStopTheStream) {
+  start();
+  const auto added = server_->add_stream("cam", {kWidth, kHeight, 30});
+  ASSERT_TRUE(added);
+  const std::shared_ptr<RtspStream> stream = *added;
+  EncoderOptions options;
+  options.width = kWidth;
+  options.height = kHeight;
+  EncodedPacket packet;
+  auto encoder =
+      VideoEncoder::create(options, "cam", [&](EncodedPacket encoded) { packet = encoded; });
+  ASSERT_TRUE(encoder) << encoder.error().message();
+  (*encoder)->push(annotated(synthetic_picture(kWidth, kHeight, 0), 0, MonotonicClock::now()), {});
+  ASSERT_TRUE((*encoder)->finish(seconds(20)));
+  ASSERT_TRUE(packet.keyframe);
+
+  const std::jthread pushing = start_thread("pushing", [&](std::stop_token stop) {
+    while (!stop.stop_requested()) {
+      packet.capture = MonotonicClock::now();
+      stream->push(packet);
+      std::this_thread::sleep_for(std::chrono::microseconds(50));
+    }
+  });
+  for (int cycle = 0; cycle < 20; ++cycle) {
+    RawRtspClient viewer = client("cam");
+    ASSERT_EQ(viewer.play(), 200) << cycle;
+    for (int i = 0; i < 20; ++i) ASSERT_TRUE(viewer.next_packet()) << cycle;
+    EXPECT_EQ(viewer.teardown(), 200);
+    ASSERT_TRUE(eventually([&] { return !stream->wanted(); })) << cycle;
+  }
+}
+
 TEST_F(RtspServerTest, ComingAndGoingLeavesNoDescriptorsBehind) {
   start();
   FakeCamera camera(*server_, "cam");
@@ -328,7 +362,8 @@ TEST_F(RtspServerTest, AStalledClientDoesNotHoldUpAnother) {
   int pictures = 0;
   while (pictures < 150) {
     const auto packet = healthy.next_packet();
-    ASSERT_TRUE(packet) << "after " << pictures;
+    ASSERT_TRUE(packet) << "after " << pictures << " pictures; encoded " << camera.encoded()
+                        << ", not sent " << camera.stream().dropped();
     for (const SeiMessage& message : messages_in(*packet)) {
       previous = message.sequence;
       ++pictures;
