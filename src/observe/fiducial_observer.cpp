@@ -241,8 +241,9 @@ Status FiducialObserver::Impl::make_searches() {
           camera_->name);
     }));
   }
-  for (const auto& [key, owners] : arucos) {
-    SL_RETURN_IF_ERROR(add(owners, [&](const std::vector<SquareCode>& codes) {
+  for (const auto& entry : arucos) {
+    const auto& key = entry.first;  // clang 14 captures no structured bindings
+    SL_RETURN_IF_ERROR(add(entry.second, [&](const std::vector<SquareCode>& codes) {
       return make_aruco_detector(codes, key.first, key.second, camera_->name);
     }));
   }
