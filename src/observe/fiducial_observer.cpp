@@ -479,7 +479,8 @@ void FiducialObserver::Impl::measure(ObjectState& object, const Frame& frame, Ob
   }
   if (matches.empty()) return;
   counters_.fiducials += views.size();
-  const auto term = std::make_shared<CornerTerm>(camera_, std::move(matches), options_.huber);
+  const auto term = std::make_shared<CornerTerm>(camera_, std::move(matches), options_.huber,
+                                                 options_.view_error);
   out.hypotheses = pose_hypotheses(*term, views, options_.flip_cost_margin);
   out.terms.push_back(term);
 }

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
+#include <cmath>
 #include <memory>
 #include <random>
 
@@ -48,14 +50,16 @@ Setting make_setting(LensModel lens, double outlier_px) {
 TEST(CornerTerm, GradientIsTheDerivativeOfTheCost) {
   for (LensModel lens : {LensModel::kBrownConrady, LensModel::kFisheye}) {
     const Setting s = make_setting(lens, 8.0);
-    const CornerTerm term(s.camera, s.matches, kHuber);
-    const LinearizedTerm at = term.linearize(s.world_from_object);
-    for (int i = 0; i < 6; ++i) {
-      Vector6 d = Vector6::Zero();
-      d[i] = 1e-6;
-      const double up = term.linearize(s.world_from_object * Rigid3::exp(d)).cost;
-      const double down = term.linearize(s.world_from_object * Rigid3::exp(-d)).cost;
-      EXPECT_NEAR(at.gradient[i], (up - down) / 2e-6, 1e-4 * (1 + at.gradient.norm())) << i;
+    for (const ViewError& wrong : {ViewError{}, ViewError{0.8, 0}, ViewError{0.8, 0.01}}) {
+      const CornerTerm term(s.camera, s.matches, kHuber, wrong);
+      const LinearizedTerm at = term.linearize(s.world_from_object);
+      for (int i = 0; i < 6; ++i) {
+        Vector6 d = Vector6::Zero();
+        d[i] = 1e-6;
+        const double up = term.linearize(s.world_from_object * Rigid3::exp(d)).cost;
+        const double down = term.linearize(s.world_from_object * Rigid3::exp(-d)).cost;
+        EXPECT_NEAR(at.gradient[i], (up - down) / 2e-6, 1e-4 * (1 + at.gradient.norm())) << i;
+      }
     }
   }
 }
@@ -66,17 +70,40 @@ TEST(CornerTerm, InformationIsTheSecondDerivativeForExactMatches) {
     m.pixel = *s.camera->model.project(s.camera->world_from_camera.inverse() *
                                        (s.world_from_object * m.point_in_object));
   }
-  const CornerTerm term(s.camera, s.matches, kHuber);
-  const Matrix6 information = term.linearize(s.world_from_object).information;
-  Matrix6 numeric;
-  for (int i = 0; i < 6; ++i) {
-    Vector6 d = Vector6::Zero();
-    d[i] = 1e-6;
-    numeric.col(i) = (term.linearize(s.world_from_object * Rigid3::exp(d)).gradient -
-                      term.linearize(s.world_from_object * Rigid3::exp(-d)).gradient) /
-                     2e-6;
+  for (const ViewError& wrong : {ViewError{}, ViewError{0.8, 0}, ViewError{0.8, 0.01}}) {
+    const CornerTerm term(s.camera, s.matches, kHuber, wrong);
+    const Matrix6 information = term.linearize(s.world_from_object).information;
+    Matrix6 numeric;
+    for (int i = 0; i < 6; ++i) {
+      Vector6 d = Vector6::Zero();
+      d[i] = 1e-6;
+      numeric.col(i) = (term.linearize(s.world_from_object * Rigid3::exp(d)).gradient -
+                        term.linearize(s.world_from_object * Rigid3::exp(-d)).gradient) /
+                       2e-6;
+    }
+    EXPECT_THAT(numeric, MatrixNear(information, 1e-4 * information.norm()));
   }
-  EXPECT_THAT(numeric, MatrixNear(information, 1e-4 * information.norm()));
+}
+
+TEST(CornerTerm, AShiftIsNotAveragedAwayByManyPoints) {
+  Setting s = make_setting(LensModel::kBrownConrady, 0);
+  // How well the object's lateral place is known from 12 and from 96 corners.
+  const auto lateral_px = [&](int copies) {
+    std::vector<PointMatch> matches;
+    for (int i = 0; i < copies; ++i) {
+      matches.insert(matches.end(), s.matches.begin(), s.matches.end());
+    }
+    const Matrix6 covariance = CornerTerm(s.camera, matches, kHuber, {0.8, 0})
+                                   .linearize(s.world_from_object)
+                                   .information.inverse();
+    const Rigid3 camera_from_object = s.camera->world_from_camera.inverse() * s.world_from_object;
+    const Eigen::Matrix3d r = camera_from_object.rotation_matrix();
+    const Eigen::Matrix3d place = r * covariance.bottomRightCorner<3, 3>() * r.transpose();
+    return std::sqrt(place(0, 0)) / camera_from_object.translation.z() *
+           s.camera->model.parameters().fx;
+  };
+  EXPECT_GT(lateral_px(8), 0.75);
+  EXPECT_LT(lateral_px(1), 1.0);
 }
 
 TEST(CornerTerm, AnOutlierPullsWithBoundedForce) {

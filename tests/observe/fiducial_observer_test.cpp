@@ -237,7 +237,7 @@ TEST(FiducialObserver, BoardsOfBothLayoutsAndInverted) {
         }
         EXPECT_LT(chi2 / static_cast<double>(corners_of(seen).matches().size()), 1.5);
         ASSERT_EQ(seen.hypotheses.size(), 1u);
-        EXPECT_THAT(seen.hypotheses[0].world_from_object, PoseNear(pose, 0.3 * kDegree, 0.0015));
+        EXPECT_THAT(seen.hypotheses[0].world_from_object, PoseNear(pose, 0.5 * kDegree, 0.0015));
       }
     }
   }

@@ -13,6 +13,7 @@
 #include "sightline/model/object.hpp"
 #include "sightline/model/observation.hpp"
 #include "sightline/model/pose_track.hpp"
+#include "sightline/observe/corner_term.hpp"
 
 namespace sightline {
 
@@ -23,6 +24,9 @@ struct FiducialOptions {
   double tag_sigma_px = 0.06;
   double board_sigma_px = 0.12;
   double calibration_share = 0.25;  ///< of CalibratedCamera::rms_px that is added in squares
+  /// What a camera's whole view may be wrong by (see CornerTerm): its place, lens, clock, the
+  /// print.
+  ViewError view_error{0.25, 0.005};
   /// Exponent from picture level to light: about 2.2 for webcams and video, 1 for machine-vision
   /// cameras with a linear response. Wrong by 1, a dark border comes out 0.3 px too small.
   double gamma = 2.2;
