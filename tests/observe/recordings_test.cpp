@@ -24,13 +24,13 @@ namespace {
 using test::IsOk;
 
 /// What all cameras of a recording see, set by set.
-struct Run {
+struct Footage {
   std::shared_ptr<const Recording> recording;
   std::vector<CalibratedCamera> cameras;
   std::vector<std::vector<Observation>> sets;
 };
 
-void observe_recording(const std::filesystem::path& path, Run& run) {
+void observe_recording(const std::filesystem::path& path, Footage& run) {
   auto recording = open_recording(path);
   ASSERT_THAT(recording, IsOk());
   run.recording = std::make_shared<const Recording>(*std::move(recording));
@@ -64,7 +64,8 @@ void observe_recording(const std::filesystem::path& path, Run& run) {
 
 double percentile(std::vector<double> values, double p) {
   std::sort(values.begin(), values.end());
-  return values.at(std::min(values.size() - 1, static_cast<size_t>(p * values.size())));
+  return values.at(
+      std::min(values.size() - 1, static_cast<size_t>(p * static_cast<double>(values.size()))));
 }
 
 /// Best pose of all cameras' terms together.
@@ -83,7 +84,7 @@ Rigid3 joint_pose(const std::vector<PoseTermPtr>& terms, Rigid3 pose) {
 }
 
 TEST(Recordings, BenchCornersAndPosesMeetTheTruth) {
-  Run run;
+  Footage run;
   observe_recording(SIGHTLINE_SOURCE_DIR "/recordings/bench", run);
   if (HasFatalFailure()) return;
   auto truth = read_truth(run.recording->truth.value());
@@ -154,7 +155,7 @@ struct BoardStudy {
   int frames = 0, seen = 0;
   double rms_px = 0;  ///< of one coordinate, per degree of freedom
 };
-BoardStudy study_board(const Run& run) {
+BoardStudy study_board(const Footage& run) {
   BoardStudy out;
   double sum = 0;
   int freedom = 0;
@@ -181,7 +182,7 @@ BoardStudy study_board(const Run& run) {
 TEST(Recordings, BoardOfTheCalibrationRecording) {
   const std::filesystem::path path = SIGHTLINE_SOURCE_DIR "/../shared/recordings/bench-calibration";
   if (!std::filesystem::exists(path)) GTEST_SKIP() << "no " << path;
-  Run run;
+  Footage run;
   observe_recording(path, run);
   if (HasFatalFailure()) return;
   const BoardStudy study = study_board(run);
@@ -193,7 +194,7 @@ TEST(Recordings, BoardOfTheCalibrationRecording) {
 TEST(Recordings, InvertedBoardOfRealFootage) {
   const std::filesystem::path path = SIGHTLINE_SOURCE_DIR "/../shared/recordings/board";
   if (!std::filesystem::exists(path)) GTEST_SKIP() << "no " << path;
-  Run run;
+  Footage run;
   observe_recording(path, run);
   if (HasFatalFailure()) return;
   const BoardStudy study = study_board(run);
