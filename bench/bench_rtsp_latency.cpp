@@ -117,7 +117,8 @@ std::string percentiles(std::vector<double> delays) {
     return delays[static_cast<size_t>(share * static_cast<double>(delays.size() - 1))];
   };
   return fmt::format(
-      R"({{"pictures": {}, "p50_ms": {:.2f}, "p90_ms": {:.2f}, "p99_ms": {:.2f}, "max_ms": {:.2f}}})",
+      R"({{"pictures": {}, "p50_ms": {:.2f}, "p90_ms": {:.2f}, "p99_ms": {:.2f}, )"
+      R"("max_ms": {:.2f}}})",
       delays.size(), at(0.5), at(0.9), at(0.99), delays.back());
 }
 

@@ -105,7 +105,16 @@ TEST(Installation, EveryValueArrives) {
   const Installation installation = parsed(R"(
 calibration = "/abs/c.toml"
 name = "n"
-camera = [{ name = "right", source = "replay:/r", recorded_as = "left", loop = false, rate = 12.5, role = "observe", overlay = { styles = [], color = "#010203" } }]
+[[camera]]
+name = "right"
+source = "replay:/r"
+recorded_as = "left"
+loop = false
+rate = 12.5
+role = "observe"
+[camera.overlay]
+styles = []
+color = "#010203"
 [scene]
 meshes = ["a.obj", "b.ply"]
 unit = "mm"
