@@ -77,8 +77,9 @@ std::string to_text(const Evaluation& evaluation) {
 std::string to_json(const Evaluation& evaluation) {
   ordered_json objects = ordered_json::array();
   for (const auto& object : evaluation.objects) objects.push_back(to_json(object));
-  return ordered_json{{"objects", objects}, {"without_truth", evaluation.without_truth}}.dump(2) +
-         "\n";
+  const ordered_json all = {{"objects", objects}, {"without_truth", evaluation.without_truth}};
+  // Names come from files: bytes that are not UTF-8 are replaced instead of thrown over.
+  return all.dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n";
 }
 
 }  // namespace sightline

@@ -131,5 +131,10 @@ TEST(Evaluate, PrintsJsonAndText) {
   EXPECT_THAT(to_text(result), testing::HasSubstr("coverage 9.1 % (1 of 11)"));
 }
 
+TEST(Evaluate, NamesThatAreNotUtf8StillPrint) {
+  const std::vector<TruthRow> truth = {{at_ms(0), "cup\xff", {}}};
+  EXPECT_TRUE(nlohmann::json::accept(to_json(evaluate(truth, {}))));
+}
+
 }  // namespace
 }  // namespace sightline

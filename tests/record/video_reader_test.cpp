@@ -102,7 +102,12 @@ TEST(VideoReader, RewindGivesTheSamePicturesAgain) {
   auto reader = *VideoReader::open(temp / "v.mkv", "mpeg4", kWidth, kHeight);
   std::vector<uint64_t> turns[2];
   for (auto& turn : turns) {
-    while (auto frame = *reader->next()) turn.push_back(hash_of(frame->picture->view()));
+    for (;;) {
+      const auto frame = reader->next();
+      ASSERT_TRUE(frame);
+      if (!*frame) break;
+      turn.push_back(hash_of((*frame)->picture->view()));
+    }
     ASSERT_TRUE(reader->rewind());
   }
   EXPECT_EQ(turns[0].size(), 12u);
