@@ -116,10 +116,9 @@ std::string percentiles(std::vector<double> delays) {
   const auto at = [&](double share) {
     return delays[static_cast<size_t>(share * static_cast<double>(delays.size() - 1))];
   };
-  return fmt::format(
-      R"({{"pictures": {}, "p50_ms": {:.2f}, "p90_ms": {:.2f}, "p99_ms": {:.2f}, )"
-      R"("max_ms": {:.2f}}})",
-      delays.size(), at(0.5), at(0.9), at(0.99), delays.back());
+  return fmt::format(R"({{"pictures": {}, "p50_ms": {:.2f}, "p90_ms": {:.2f}, "p99_ms": {:.2f}, )"
+                     R"("max_ms": {:.2f}}})",
+                     delays.size(), at(0.5), at(0.9), at(0.99), delays.back());
 }
 
 Result<std::string> measure(const std::string& transport, size_t pictures) {
