@@ -23,7 +23,7 @@ macro(sightline_global_flags)
     add_compile_options(-fsanitize=${SIGHTLINE_SANITIZE} -fno-omit-frame-pointer)
     add_link_options(-fsanitize=${SIGHTLINE_SANITIZE})
     # g++ 12 reports optional values as maybe uninitialized where the instrumentation splits a test.
-    if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+    if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND SIGHTLINE_SANITIZE MATCHES "thread")
       add_compile_options(-Wno-maybe-uninitialized)
     endif()
     if(SIGHTLINE_SANITIZE MATCHES "undefined")
