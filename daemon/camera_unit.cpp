@@ -18,6 +18,7 @@ constexpr Duration kTurn = 200ms;     // longest wait of a thread without a look
 constexpr Duration kStallLimit = 5s;  // a thread silent for longer is hung
 constexpr Duration kFirstBackoff = 250ms;  // reopening a source
 constexpr Duration kLongestBackoff = 5s;
+constexpr Duration kNoSignalPeriod = 500ms;  // between pictures while there is no signal
 
 void sleep_unless_stopped(std::stop_token stop, Duration duration) {
   std::mutex mutex;
@@ -29,6 +30,20 @@ void sleep_unless_stopped(std::stop_token stop, Duration duration) {
 Labels camera_labels(const std::string& name) { return {{"camera", name}}; }
 Labels stage_labels(const std::string& name, const char* stage) {
   return {{"camera", name}, {"stage", stage}};
+}
+
+// Why a source is not there, for metrics.
+const char* cause_of(const Error& error, const char* otherwise) {
+  switch (error.code) {
+    case ErrorCode::kTimeout:
+      return "silent";
+    case ErrorCode::kInvalidInput:
+      return "mismatch";
+    case ErrorCode::kDamaged:
+      return "damaged";
+    default:
+      return otherwise;
+  }
 }
 
 constexpr const char* kDropped = "sightline_frames_dropped_total";
@@ -58,6 +73,8 @@ std::unique_ptr<CameraUnit> CameraUnit::start(CameraParts parts, Registry& regis
 CameraUnit::CameraUnit(CameraParts parts, Registry& registry)
     : parts_(std::move(parts)),
       pictures_(parts_.width, parts_.height),
+      signal_(parts_.width, parts_.height, MonotonicClock::now()),
+      registry_(registry),
       frames_(registry.counter("sightline_frames_total", "Frames captured",
                                camera_labels(parts_.name))),
       lost_(registry.counter(kDropped, kDroppedHelp, stage_labels(parts_.name, "capture"))),
@@ -74,7 +91,12 @@ CameraUnit::CameraUnit(CameraParts parts, Registry& registry)
                                   camera_labels(parts_.name))),
       draw_seconds_(registry.gauge("sightline_draw_seconds",
                                    "Copying and drawing the newest shown frame",
-                                   camera_labels(parts_.name))) {}
+                                   camera_labels(parts_.name))),
+      present_gauge_(registry.gauge("sightline_camera_present",
+                                    "1 while the source is open and frames come, else 0",
+                                    camera_labels(parts_.name))) {
+  signal_.set_rate(parts_.rate_hz);
+}
 
 void CameraUnit::request_stop() {
   capture_thread_.request_stop();
@@ -94,26 +116,73 @@ void CameraUnit::set_renderer(std::unique_ptr<CameraRenderer> renderer) {
   next_renderer_ = std::move(renderer);
 }
 
-void CameraUnit::set_problem(const std::string& problem) {
+void CameraUnit::note_problem(const char* cause, const std::string& problem) {
+  Labels labels = camera_labels(parts_.name);
+  labels["cause"] = cause;
+  registry_
+      .counter("sightline_source_lost_total",
+               "Times the source could not be opened or was given up, by cause", labels)
+      .add();
+  present_gauge_.set(0);
   std::lock_guard lock(mutex_);
   // The same words again and again would fill the journal.
-  if (problem != problem_ && !problem.empty()) log::warning("{}: {}", parts_.name, problem);
+  if (problem != problem_) log::warning("{}: {}", parts_.name, problem);
   problem_ = problem;
-  present_ = problem.empty();
+  open_ = false;
+}
+
+void CameraUnit::note_signal() {
+  present_gauge_.set(1);
+  std::lock_guard lock(mutex_);
+  if (problem_.empty()) return;
+  log::info("{}: signal is back", parts_.name);
+  problem_.clear();
 }
 
 std::unique_ptr<FrameSource> CameraUnit::open_or_wait(std::stop_token stop, Duration& backoff) {
   auto opened = parts_.open_source();
   if (opened) {
     reopened_.add();
-    set_problem("");
-    log::info("{}: source open", parts_.name);
+    const double rate = (*opened)->info().nominal_rate_hz;
+    signal_.set_rate(rate > 0 ? rate : parts_.rate_hz);
+    signal_.source_open(MonotonicClock::now());
+    std::lock_guard lock(mutex_);
+    open_ = true;
+    if (problem_.empty()) log::info("{}: source open", parts_.name);
     return *std::move(opened);
   }
-  set_problem(opened.error().message());
+  signal_.source_gone();
+  note_problem(cause_of(opened.error(), "absent"), opened.error().message());
   sleep_unless_stopped(stop, backoff);
   backoff = std::min(backoff * 2, kLongestBackoff);
   return nullptr;
+}
+
+Result<SourceStep> CameraUnit::take(FrameSource& source, std::stop_token stop) {
+  SL_ASSIGN(SourceStep step, source.next(stop, kTurn));
+  if (step.kind == SourceStep::Kind::kFrame) {
+    const FrameInfo& info = step.frame->info();
+    if (info.width != parts_.width || info.height != parts_.height) {
+      return make_error(ErrorCode::kInvalidInput, "",
+                        "the camera sends {}x{} pictures, its calibration is for {}x{}: set the "
+                        "camera to that size or calibrate at this one",
+                        info.width, info.height, parts_.width, parts_.height);
+    }
+  } else if (step.kind == SourceStep::Kind::kTimeout) {
+    const Time now = MonotonicClock::now();
+    present_gauge_.set(signal_.lost_since(now) ? 0 : 1);
+    if (parts_.reopen_when_stalled && signal_.stalled(now)) {
+      return make_error(ErrorCode::kTimeout, "", "no frame for {:.1f} s; opening it again",
+                        to_seconds(signal_.deadline()));
+    }
+  }
+  return step;
+}
+
+void CameraUnit::lose_source(std::unique_ptr<FrameSource>& source, const Error& error) {
+  signal_.source_gone();
+  source.reset();
+  note_problem(cause_of(error, "gone"), error.message());
 }
 
 void CameraUnit::capture(std::stop_token stop, Heartbeat& heartbeat) {
@@ -126,11 +195,11 @@ void CameraUnit::capture(std::stop_token stop, Heartbeat& heartbeat) {
       source = open_or_wait(stop, backoff);
       continue;
     }
-    const auto step = source->next(stop, kTurn);
+    const auto step = take(*source, stop);
     if (!step) {
-      set_problem(step.error().message());
-      source.reset();
+      lose_source(source, step.error());
       sleep_unless_stopped(stop, backoff);
+      backoff = std::min(backoff * 2, kLongestBackoff);
       continue;
     }
     if (step->kind == SourceStep::Kind::kEnd) {
@@ -157,6 +226,8 @@ void CameraUnit::deliver(const FramePtr& frame) {
     damaged_.add();
     return;
   }
+  signal_.good_frame(frame);
+  note_signal();
   if (parts_.observer && observe_slot_.put(frame)) observe_dropped_.add();
   if (parts_.output && parts_.output->wanted() && draw_slot_.put(frame)) draw_dropped_.add();
 }
@@ -179,8 +250,12 @@ void CameraUnit::draw(std::stop_token stop, Heartbeat& heartbeat) {
   std::unique_ptr<CameraRenderer> renderer = std::move(parts_.renderer);
   while (!stop.stop_requested()) {
     heartbeat.beat();
-    const auto frame = draw_slot_.take(stop, kTurn);
+    const Duration until_card = next_no_signal_ - MonotonicClock::now();
+    const bool card_next = until_card > Duration(0) && until_card < kTurn;
+    const auto frame = draw_slot_.take(stop, card_next ? until_card : kTurn);
     if (!frame) {
+      const auto lost_since = signal_.lost_since(MonotonicClock::now());
+      if (lost_since && parts_.card && parts_.output->wanted()) draw_no_signal(*lost_since);
       parts_.output->report();
       continue;
     }
@@ -190,6 +265,25 @@ void CameraUnit::draw(std::stop_token stop, Heartbeat& heartbeat) {
     }
     if (parts_.output->wanted()) draw_one(*frame, *renderer);
   }
+}
+
+void CameraUnit::draw_no_signal(Time since) {
+  const Time now = MonotonicClock::now();
+  if (now < next_no_signal_) return;
+  next_no_signal_ = now + kNoSignalPeriod;
+  if (!no_signal_.picture || since != no_signal_since_) {
+    const SignalWatch::Last last = signal_.last();
+    auto picture = std::make_shared<Picture>(parts_.width, parts_.height);
+    const I420View shown = last.picture ? last.picture->view() : I420View{};
+    parts_.card->draw(picture->mutable_view(), last.picture ? &shown : nullptr,
+                      no_signal_text(parts_.name, utc_ns_of(since)));
+    no_signal_.picture = std::move(picture);
+    no_signal_.frame = last.frame;  // no fresh frame is claimed, and there are no poses
+    no_signal_.frame.camera = parts_.id;
+    no_signal_since_ = since;
+  }
+  no_signal_.shown = now;
+  parts_.output->accept(no_signal_);
 }
 
 void CameraUnit::draw_one(const FramePtr& frame, CameraRenderer& renderer) {
@@ -210,8 +304,10 @@ CameraStatus CameraUnit::status() const {
   status.frames = frames_.value();
   const Time arrival = last_arrival_;
   if (arrival != Time{}) status.frame_age_s = to_seconds(MonotonicClock::now() - arrival);
+  const auto lost_since = signal_.lost_since(MonotonicClock::now());
   std::lock_guard lock(mutex_);
-  status.present = present_;
+  status.present = open_ && (ended_ || !lost_since);
+  if (!status.present) status.lost_since = lost_since.value_or(MonotonicClock::now());
   status.ended = ended_;
   status.problem = problem_;
   return status;

@@ -16,6 +16,8 @@
 #include "sightline/model/seams.hpp"
 #include "sightline/observe/fiducial_observer.hpp"
 #include "sightline/render/camera_renderer.hpp"
+#include "sightline/render/no_signal_card.hpp"
+#include "signal_watch.hpp"
 #include "stream_output.hpp"
 #include "track_board.hpp"
 
@@ -27,9 +29,12 @@ struct CameraParts {
   std::string name;
   int width = 0;
   int height = 0;
+  double rate_hz = 0;  ///< nominal, if the source does not know; 0: unknown
   std::function<Result<std::unique_ptr<FrameSource>>()> open_source;
+  bool reopen_when_stalled = true;  ///< a device that falls silent; false: a recording may pause
   std::unique_ptr<FiducialObserver> observer;
   std::unique_ptr<CameraRenderer> renderer;
+  std::unique_ptr<NoSignalCard> card;  ///< what the stream shows without signal; null: nothing
   std::shared_ptr<StreamOutput> output;
   std::shared_ptr<TrackBoard> board;
   std::function<void(Observation)> on_observation;  ///< must not block
@@ -37,15 +42,17 @@ struct CameraParts {
 };
 
 struct CameraStatus {
-  bool present = false;  ///< the source is open
+  bool present = false;  ///< the source is open, and frames come
   bool ended = false;    ///< a recording that does not loop has been played
   uint64_t frames = 0;
   double frame_age_s = -1;  ///< since the newest frame arrived; -1: none yet
   std::string problem;      ///< why the source is not there
+  Time lost_since{};        ///< without signal: when the last frame came, or the unit started
 };
 
 /// One camera: the threads that capture ("cap:NAME"), observe ("obs:NAME") and draw ("draw:NAME"),
-/// joined by latest slots. A source that is absent or lost is opened again for ever, with back-off.
+/// joined by latest slots. A source that is absent, lost or silent is opened again for ever, with
+/// back-off; meanwhile the stream shows the last picture, grey and stamped.
 class CameraUnit {
  public:
   static std::unique_ptr<CameraUnit> start(CameraParts parts, Registry& registry,
@@ -70,25 +77,35 @@ class CameraUnit {
   void observe(std::stop_token stop, Heartbeat& heartbeat);
   void draw(std::stop_token stop, Heartbeat& heartbeat);
   void draw_one(const FramePtr& frame, CameraRenderer& renderer);
+  void draw_no_signal(Time since);
   std::unique_ptr<FrameSource> open_or_wait(std::stop_token stop, Duration& backoff);
-  void set_problem(const std::string& problem);
+  /// One turn with an open source; an Error if it is of no use any more.
+  Result<SourceStep> take(FrameSource& source, std::stop_token stop);
+  void lose_source(std::unique_ptr<FrameSource>& source, const Error& error);
+  void note_problem(const char* cause, const std::string& problem);
+  void note_signal();
 
   CameraParts parts_;
   LatestSlot<FramePtr> observe_slot_, draw_slot_;
   PicturePool pictures_;
+  SignalWatch signal_;
 
+  Registry& registry_;
   Counter &frames_, &lost_, &damaged_, &reopened_, &observe_dropped_, &draw_dropped_;
-  Gauge &capture_age_, &draw_seconds_;
+  Gauge &capture_age_, &draw_seconds_, &present_gauge_;
 
   mutable std::mutex mutex_;  // guards the four below
   std::unique_ptr<CameraRenderer> next_renderer_;
-  bool present_ = false, ended_ = false;
-  std::string problem_;
+  bool open_ = false, ended_ = false;
+  std::string problem_;  // stays until a frame comes, so that it is said once
   std::atomic<Time> last_arrival_{};
 
   std::vector<PoseTrackPtr> observe_tracks_, draw_tracks_;  // scratch of their threads
   std::vector<Observation> observations_;
   AnnotatedPicture annotated_;
+  AnnotatedPicture no_signal_;  // made once per loss
+  Time no_signal_since_{};
+  Time next_no_signal_{};
 
   std::jthread capture_thread_, observe_thread_, draw_thread_;
 };

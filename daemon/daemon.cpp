@@ -76,11 +76,14 @@ Result<CameraParts> Daemon::prepare(const Installation& installation, const Rig&
   parts.name = config.name;
   parts.width = config.calibration.model.width();
   parts.height = config.calibration.model.height();
+  parts.rate_hz = config.rate_hz;
+  parts.reopen_when_stalled = config.recording.empty();
   if (observes(config.role)) {
     SL_ASSIGN(parts.observer, make_observer(installation, rig, id));
   }
   if (options_.serve && installation.rtsp.enabled && streams(config.role)) {
     SL_ASSIGN(parts.renderer, make_renderer(installation, rig, id));
+    parts.card = NoSignalCard::create(parts.width, parts.height, installation.render.font_file);
   }
   const bool payload = installation.record.enabled || !options_.record_to.empty();
   parts.open_source = [this, config, id, payload] { return replays_.open(config, id, payload); };

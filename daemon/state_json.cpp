@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "state_json.hpp"
 
+#include <ctime>
 #include <nlohmann/json.hpp>
 #include <numbers>
 
@@ -8,6 +9,15 @@ namespace sightline {
 namespace {
 
 using Json = nlohmann::ordered_json;
+
+std::string utc_text(int64_t utc_ns) {
+  const auto seconds = static_cast<time_t>(utc_ns / 1'000'000'000);
+  std::tm parts{};
+  gmtime_r(&seconds, &parts);
+  char text[32];
+  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &parts);
+  return text;
+}
 
 Json camera_json(const CameraState& camera) {
   Json json{{"name", camera.name},
@@ -17,6 +27,8 @@ Json camera_json(const CameraState& camera) {
   if (camera.status.frame_age_s >= 0) json["frame_age_s"] = camera.status.frame_age_s;
   if (!camera.url.empty()) json["url"] = camera.url;
   if (!camera.encoder.empty()) json["encoder"] = camera.encoder;
+  if (!camera.status.present)
+    json["no_signal_since"] = utc_text(utc_ns_of(camera.status.lost_since));
   if (!camera.status.problem.empty()) json["problem"] = camera.status.problem;
   return json;
 }

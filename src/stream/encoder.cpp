@@ -197,7 +197,7 @@ Waiting VideoEncoder::Impl::prepare(const AnnotatedPicture& picture,
   Waiting next{picture.picture, {}};
   next.ticket.camera = picture.frame.camera;
   next.ticket.sequence = picture.frame.sequence;
-  next.ticket.capture = picture.frame.capture;
+  next.ticket.capture = picture.shown != Time{} ? picture.shown : picture.frame.capture;
   next.ticket.sei = make_sei_nal(sei_message_of(picture, camera, names));
   return next;
 }

@@ -17,6 +17,9 @@ struct AnnotatedPicture {
   FrameInfo frame;
   std::shared_ptr<const Picture> picture;
   std::vector<PoseAt> poses;  ///< one per object, at frame.capture
+  /// When it goes out, if that is not frame.capture: a picture that stands in while the camera is
+  /// away wears the frame of the last real one. 0: as captured.
+  Time shown{};
 };
 
 enum class Codec : uint8_t { kH264, kMjpeg };
@@ -26,7 +29,7 @@ struct EncodedPacket {
   CameraId camera;
   Codec codec = Codec::kH264;
   uint64_t sequence = 0;
-  Time capture{};
+  Time capture{};  ///< of the picture; of one that stands in, when it was sent
   bool keyframe = false;
   std::shared_ptr<const std::vector<uint8_t>> bytes;
 };
