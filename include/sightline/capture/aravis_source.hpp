@@ -18,7 +18,7 @@ enum class ExposureStamp { kStart, kEnd };
 /// One GigE Vision or USB3 Vision camera. Zero, empty or nullopt: the camera's own setting stays.
 struct AravisOptions {
   /// What `source = "aravis:ID"` names: a device id ("Vendor-Serial", as list_aravis() has it), a
-  /// serial number, the user-defined name, a MAC or an IPv4 address. With "interface:NAME/ID" only
+  /// serial number, a MAC (or USB GUID) or an IPv4 address. With "interface:NAME/ID" only
   /// that network interface (name or its own address) is used. An address is asked directly,
   /// without discovery, through the interface that the route to it takes.
   std::string id;

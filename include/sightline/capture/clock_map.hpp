@@ -16,7 +16,7 @@ struct ClockMapOptions {
   /// the truth may be from it. Arrivals alone cannot tell: it goes into every bound.
   Duration transit{0};
   Duration transit_error{0};
-  double max_rate_error = 200e-6;  ///< largest believable drift of the device clock
+  double max_rate_error = 500e-6;  ///< largest believable drift of the device clock
 };
 
 struct MappedTime {
@@ -38,7 +38,7 @@ class ClockMap {
   enum class Event {
     kTaken,
     kRejected,  ///< stamp 0, not later than the last, or more than a period in the future
-    kReset,     ///< the device clock jumped, wrapped or began anew: the mapping starts from here
+    kReset,     ///< the device clock jumped, wrapped or began anew: the mapping begins again here
   };
 
   explicit ClockMap(const ClockMapOptions& options);
@@ -75,12 +75,11 @@ class ClockMap {
   };
 
   bool fits(int64_t device_ns, Time arrival) const;
-  bool candidate_agrees(int64_t device_ns, Time arrival);
+  bool candidate_agrees(int64_t device_ns, Time arrival) const;
   Event reject(int64_t device_ns, Time arrival);
   void restart(int64_t device_ns, Time arrival);
   void take(int64_t device_ns, Time arrival);
   void drop_old(Time now);
-  void fit();
   void fit_rate();
   void fit_offset();
   double delay_at(int64_t device_ns) const;
@@ -93,7 +92,7 @@ class ClockMap {
   int64_t last_device_ns_ = 0;
   uint32_t late_run_ = 0;  ///< frames running that came far behind the line
   Time late_since_{};
-  // The line: delay(device) = delay_ns_ + slope_ * (device - device_ns_).
+  // The line: delay = anchor_delay_ns_ + offset_ns_ + slope_ * (device - anchor_device_ns_).
   int64_t anchor_device_ns_ = 0, anchor_delay_ns_ = 0;
   double offset_ns_ = 0, slope_ = 0;
   double scatter_ns_ = 0, jitter_ns_ = 0, slope_error_ = 0;

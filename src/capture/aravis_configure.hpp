@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+#include "aravis_ref.hpp"
+#include "genicam_formats.hpp"
+#include "sightline/capture/aravis_source.hpp"
+
+namespace sightline {
+
+/// What the camera is set to, read back.
+struct AravisSettings {
+  const GenicamFormat* format = nullptr;
+  int width = 0, height = 0;
+  double rate_hz = 0;            ///< 0: unknown, or triggered
+  double exposure_us = 0;        ///< 0: unknown
+  double exposure_range_us = 0;  ///< how far automatic exposure may be from exposure_us
+  size_t payload = 0;            ///< bytes of a buffer
+  bool gige = false;
+  bool triggered = false;
+  int packet_size = 0;
+};
+
+/// Stops the camera and sets it up. An error says what the camera would take instead.
+Result<AravisSettings> configure_aravis(ArvCamera* camera, const AravisOptions& options,
+                                        const std::string& name);
+
+/// Names of the camera's formats that can be used.
+std::vector<std::string> usable_formats(ArvCamera* camera);
+
+/// "Slave", "Master", "Disabled" ..., or empty where the camera has no PTP.
+std::string ptp_state(ArvCamera* camera);
+
+}  // namespace sightline

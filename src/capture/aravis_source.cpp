@@ -1,0 +1,318 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sightline/capture/aravis_source.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <optional>
+
+#include "aravis_buffers.hpp"
+#include "aravis_configure.hpp"
+#include "aravis_discovery.hpp"
+#include "aravis_times.hpp"
+#include "frame_ids.hpp"
+#include "genicam_picture.hpp"
+#include "sightline/base/log.hpp"
+
+namespace sightline {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Duration kTurn = 20ms;  // longest wait without a look at the stop token
+constexpr Duration kShortestDeadline = 1s;
+constexpr Duration kDeadlineWithoutRate = 3s;
+constexpr int kPeriodsOfDeadline = 5;
+constexpr int kKeptForStream = 2;  // buffers that readers cannot take from the stream
+constexpr Duration kOldestArrival = 2s;
+
+std::optional<Duration> deadline_of(const AravisOptions& options, const AravisSettings& settings) {
+  if (options.frame_timeout > Duration{0}) return options.frame_timeout;
+  if (settings.triggered) return std::nullopt;
+  if (settings.rate_hz <= 0) return kDeadlineWithoutRate;
+  return std::max(kShortestDeadline, from_seconds(kPeriodsOfDeadline / settings.rate_hz));
+}
+
+// Aravis stamps the first packet of a frame with the wall clock.
+Time first_packet_time(ArvBuffer* buffer, Time now) {
+  const auto stamp = static_cast<int64_t>(arv_buffer_get_system_timestamp(buffer));
+  const Duration age(utc_now_ns() - stamp);
+  // The wall clock may have been set in between.
+  return stamp > 0 && age >= Duration{0} && age < kOldestArrival ? now - age : now;
+}
+
+void on_control_lost(ArvDevice*, std::atomic<bool>* lost) { lost->store(true); }
+
+class Source final : public AravisSource {
+ public:
+  Source(const AravisOptions& options, const AravisSettings& settings, SourceInfo info,
+         uint32_t epoch, ObjectRef<ArvCamera> camera)
+      : info_(std::move(info)),
+        epoch_(epoch),
+        settings_(settings),
+        ptp_(options.ptp),
+        deadline_(deadline_of(options, settings)),
+        buffer_count_(options.buffers),
+        times_(options, settings),
+        ids_(settings.gige ? FrameIds::Width::k16 : FrameIds::Width::k64),
+        camera_(std::move(camera)) {}
+
+  ~Source() override {
+    if (stream_ != nullptr && !gone_) {
+      ask(0, [&](GError** e) { return arv_camera_stop_acquisition(camera_.get(), e), 0; });
+    }
+    if (buffers_) buffers_->close();
+    stream_.reset();
+    if (lost_handler_ != 0) {
+      g_signal_handler_disconnect(arv_camera_get_device(camera_.get()), lost_handler_);
+    }
+  }
+
+  Status start(const AravisOptions& options);
+
+  const SourceInfo& info() const override { return info_; }
+  Result<SourceStep> next(std::stop_token stop, Duration timeout) override;
+  AravisStatus status() const override;
+  Status trigger() override {
+    return attempt(info_.name, "fire the software trigger",
+                   [&](GError** e) { arv_camera_software_trigger(camera_.get(), e); });
+  }
+
+ private:
+  Status create_stream();
+  void set_stream_options(const AravisOptions& options);
+  /// nullptr: the buffer is no good; it has gone back and was counted.
+  FramePtr take(ArvBuffer* buffer);
+  FramePtr make_frame(const FrameInfo& info, ArvBuffer* buffer, std::span<const uint8_t> bytes);
+  bool picture_fits(ArvBuffer* buffer, std::span<const uint8_t>& bytes);
+  Error silence() const;
+
+  const SourceInfo info_;
+  const uint32_t epoch_;
+  const AravisSettings settings_;
+  const bool ptp_;
+  const std::optional<Duration> deadline_;
+  const int buffer_count_;
+  AravisTimes times_;
+  FrameIds ids_;
+  std::optional<GenicamPicture> picture_;
+  std::atomic<bool> control_lost_{false};
+  bool gone_ = false;
+  Time last_frame_{};
+  uint64_t incomplete_before_ = 0;  ///< incomplete frames when the last good one came
+  uint64_t unusable_before_ = 0;
+  AravisStatus counts_;
+  gulong lost_handler_ = 0;
+  ObjectRef<ArvCamera> camera_;
+  ObjectRef<ArvStream> stream_;
+  std::shared_ptr<AravisBuffers> buffers_;
+};
+
+void Source::set_stream_options(const AravisOptions& options) {
+  if (!ARV_IS_GV_STREAM(stream_.get())) return;
+  const auto buffer = options.socket_buffer > 0 ? ARV_GV_STREAM_SOCKET_BUFFER_FIXED
+                                                : ARV_GV_STREAM_SOCKET_BUFFER_AUTO;
+  const auto resend =
+      options.resend ? ARV_GV_STREAM_PACKET_RESEND_ALWAYS : ARV_GV_STREAM_PACKET_RESEND_NEVER;
+  // With "auto", the size is the largest that may be taken; 0 is no limit.
+  g_object_set(stream_.get(), "socket-buffer", buffer, "socket-buffer-size", options.socket_buffer,
+               "packet-resend", resend, nullptr);
+}
+
+Status Source::create_stream() {
+  ErrorSlot slot;
+  stream_.reset(arv_camera_create_stream(camera_.get(), nullptr, nullptr, slot.out()));
+  if (stream_) return {};
+  if (slot.is(ARV_DEVICE_ERROR_NOT_CONTROLLER)) {
+    return make_error(ErrorCode::kUnavailable, info_.name,
+                      "the camera is controlled by another client: stop that program");
+  }
+  return make_error(slot.silent() ? ErrorCode::kTimeout : ErrorCode::kIo, info_.name,
+                    "cannot open the camera's stream: {}", slot.text());
+}
+
+Status Source::start(const AravisOptions& options) {
+  SL_RETURN_IF_ERROR(create_stream());
+  set_stream_options(options);
+  lost_handler_ = g_signal_connect(arv_camera_get_device(camera_.get()), "control-lost",
+                                   G_CALLBACK(on_control_lost), &control_lost_);
+  buffers_ = std::make_shared<AravisBuffers>(stream_.get());
+  for (int i = 0; i < buffer_count_; ++i) {
+    buffers_->give_back(arv_buffer_new_allocate(settings_.payload));
+  }
+  SL_RETURN_IF_ERROR(attempt(info_.name, "start the camera",
+                             [&](GError** e) { arv_camera_start_acquisition(camera_.get(), e); }));
+  last_frame_ = MonotonicClock::now();
+  return {};
+}
+
+Result<SourceStep> Source::next(std::stop_token stop, Duration timeout) {
+  const Time until = MonotonicClock::now() + timeout;
+  for (;;) {
+    const Time now = MonotonicClock::now();
+    if (control_lost_.load()) {
+      gone_ = true;
+      return make_error(ErrorCode::kUnavailable, info_.name,
+                        "control of the camera is lost: unplugged, restarted, or taken over");
+    }
+    const Duration wait = std::clamp<Duration>(until - now, 0ns, kTurn);
+    ArvBuffer* const buffer =
+        wait > 0ns ? arv_stream_timeout_pop_buffer(stream_.get(), static_cast<guint64>(wait / 1us))
+                   : arv_stream_try_pop_buffer(stream_.get());
+    if (buffer != nullptr) {
+      if (FramePtr frame = take(buffer)) return SourceStep{SourceStep::Kind::kFrame, frame};
+    }
+    if (deadline_ && now - last_frame_ > *deadline_) {
+      gone_ = true;
+      return silence();
+    }
+    if (stop.stop_requested() || now >= until) return SourceStep{};
+  }
+}
+
+Error Source::silence() const {
+  const double seconds = to_seconds(MonotonicClock::now() - last_frame_);
+  const uint64_t incomplete = counts_.incomplete - incomplete_before_;
+  const uint64_t unusable = counts_.unusable - unusable_before_;
+  if (incomplete > 0) {
+    return make_error(ErrorCode::kTimeout, info_.name,
+                      "no complete frame in {:.1f} s: packets were missing in {} frames. Raise "
+                      "net.core.rmem_max or packet_delay, or lower the rate or the packet size "
+                      "(now {} bytes)",
+                      seconds, incomplete, settings_.packet_size);
+  }
+  if (unusable > 0) {
+    return make_error(ErrorCode::kDamaged, info_.name,
+                      "no usable frame in {:.1f} s: {} were no {}x{} {} pictures", seconds,
+                      unusable, settings_.width, settings_.height, settings_.format->name);
+  }
+  return make_error(ErrorCode::kTimeout, info_.name,
+                    "no frame in {:.1f} s: camera or cable is gone, or a firewall keeps its "
+                    "packets away",
+                    seconds);
+}
+
+bool Source::picture_fits(ArvBuffer* buffer, std::span<const uint8_t>& bytes) {
+  const ArvBufferPayloadType type = arv_buffer_get_payload_type(buffer);
+  if (type != ARV_BUFFER_PAYLOAD_TYPE_IMAGE && type != ARV_BUFFER_PAYLOAD_TYPE_MULTIPART &&
+      type != ARV_BUFFER_PAYLOAD_TYPE_EXTENDED_CHUNK_DATA) {
+    return false;
+  }
+  if (static_cast<uint32_t>(arv_buffer_get_image_pixel_format(buffer)) != settings_.format->code ||
+      arv_buffer_get_image_width(buffer) != settings_.width ||
+      arv_buffer_get_image_height(buffer) != settings_.height) {
+    return false;
+  }
+  int padding = 0, rows_after = 0;
+  arv_buffer_get_image_padding(buffer, &padding, &rows_after);
+  if (padding < 0) return false;
+  if (!picture_ || picture_->padding() != padding) {
+    picture_.emplace(*settings_.format, settings_.width, settings_.height, padding);
+  }
+  size_t size = 0;
+  const void* const data = arv_buffer_get_image_data(buffer, &size);
+  bytes = {static_cast<const uint8_t*>(data), data != nullptr ? size : 0};
+  return bytes.size() >= picture_->bytes_needed();
+}
+
+FramePtr Source::take(ArvBuffer* buffer) {
+  const Time now = MonotonicClock::now();
+  std::span<const uint8_t> bytes;
+  const bool complete = arv_buffer_get_status(buffer) == ARV_BUFFER_STATUS_SUCCESS;
+  if (!complete || !picture_fits(buffer, bytes)) {
+    ++(complete ? counts_.unusable : counts_.incomplete);
+    buffers_->give_back(buffer);
+    return nullptr;
+  }
+  FrameInfo info;
+  info.camera = info_.camera;
+  info.epoch = epoch_;
+  const FrameIds::Step step = ids_.step(arv_buffer_get_frame_id(buffer));
+  info.sequence = step.sequence;
+  // The numbers' gap holds the frames thrown away here; a camera that does not count has only
+  // these.
+  const uint64_t thrown =
+      counts_.incomplete + counts_.unusable - incomplete_before_ - unusable_before_;
+  info.dropped_before = std::max(step.missing, static_cast<uint32_t>(thrown));
+  times_.stamp(
+      {static_cast<int64_t>(arv_buffer_get_timestamp(buffer)), first_packet_time(buffer, now), now},
+      info);
+  counts_.lost += info.dropped_before;
+  ++counts_.delivered;
+  incomplete_before_ = counts_.incomplete;
+  unusable_before_ = counts_.unusable;
+  last_frame_ = now;
+  return make_frame(info, buffer, bytes);
+}
+
+FramePtr Source::make_frame(const FrameInfo& info, ArvBuffer* buffer,
+                            std::span<const uint8_t> bytes) {
+  if (settings_.format->direct() && buffers_->lent() < buffer_count_ - kKeptForStream) {
+    return picture_->frame(info, bytes, buffers_->lend(buffer));
+  }
+  if (settings_.format->direct()) ++counts_.copied;
+  FramePtr frame = picture_->copied_frame(info, bytes);
+  buffers_->give_back(buffer);
+  return frame;
+}
+
+AravisStatus Source::status() const {
+  AravisStatus status = counts_;
+  guint64 completed = 0, failures = 0, underruns = 0;
+  arv_stream_get_statistics(stream_.get(), &completed, &failures, &underruns);
+  status.underruns = underruns;
+  if (ARV_IS_GV_STREAM(stream_.get())) {
+    guint64 resent = 0, missing = 0;
+    arv_gv_stream_get_statistics(ARV_GV_STREAM(stream_.get()), &resent, &missing);
+    status.resent_packets = resent;
+    status.missing_packets = missing;
+  }
+  const ClockMap& clock = times_.clock();
+  status.stamps_rejected = clock.rejected();
+  status.clock_resets = clock.resets();
+  status.clock_drift = clock.drift();
+  status.clock_bound = clock.bound();
+  status.device_id = text_or_empty(ask<const char*>(
+      nullptr, [&](GError** e) { return arv_camera_get_device_id(camera_.get(), e); }));
+  status.pixel_format = settings_.format->name;
+  status.packet_size = settings_.packet_size;
+  if (ptp_ && !gone_) status.ptp = ptp_state(camera_.get());
+  return status;
+}
+
+Status check(const AravisOptions& options, const std::string& name) {
+  if (options.buffers < 4 || options.buffers > 64) {
+    return make_error(ErrorCode::kInvalidInput, name, "{} buffers: 4 to 64 make sense",
+                      options.buffers);
+  }
+  if (options.width < 0 || options.height < 0 || (options.width == 0) != (options.height == 0)) {
+    return make_error(ErrorCode::kInvalidInput, name, "no size {}x{}: give width and height, or 0",
+                      options.width, options.height);
+  }
+  return {};
+}
+
+}  // namespace
+
+Result<std::unique_ptr<AravisSource>> open_aravis_source(const AravisOptions& options,
+                                                         CameraId camera, const std::string& name,
+                                                         uint32_t epoch) {
+  SL_RETURN_IF_ERROR(check(options, name));
+  SL_ASSIGN(ObjectRef<ArvCamera> device, connect_aravis(options.id, name));
+  SL_ASSIGN(const AravisSettings settings, configure_aravis(device.get(), options, name));
+  const SourceInfo info{camera, name, settings.width, settings.height, settings.rate_hz};
+  log::info("{}: {} {}, {} {}x{}, {:.4g} Hz{}", name,
+            text_or_empty(arv_camera_get_vendor_name(device.get(), nullptr)),
+            text_or_empty(arv_camera_get_model_name(device.get(), nullptr)), settings.format->name,
+            settings.width, settings.height, settings.rate_hz,
+            settings.gige ? fmt::format(", packets of {} bytes", settings.packet_size) : "");
+  auto source = std::make_unique<Source>(options, settings, info, epoch, std::move(device));
+  SL_RETURN_IF_ERROR(source->start(options));
+  return std::unique_ptr<AravisSource>(std::move(source));
+}
+
+std::string aravis_version() {
+  return fmt::format("Aravis {}.{}.{}", arv_get_major_version(), arv_get_minor_version(),
+                     arv_get_micro_version());
+}
+
+}  // namespace sightline
