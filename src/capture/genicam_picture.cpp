@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "genicam_picture.hpp"
 
-#include <algorithm>
 #include <cstring>
 #include <utility>
 
-#include "demosaic.hpp"
 #include "sightline/base/check.hpp"
-#include "sightline/image/convert.hpp"
 
 namespace sightline {
 namespace {
@@ -16,7 +13,32 @@ size_t pixels(int width, int height) {
   return static_cast<size_t>(width) * static_cast<size_t>(height);
 }
 
-uint8_t* start(std::vector<uint8_t>& bytes) { return bytes.data(); }
+MosaicPattern pattern_of(BayerPattern bayer) {
+  switch (bayer) {
+    case BayerPattern::kGr:
+      return MosaicPattern::kGrbg;
+    case BayerPattern::kGb:
+      return MosaicPattern::kGbrg;
+    case BayerPattern::kBg:
+      return MosaicPattern::kBggr;
+    default:
+      return MosaicPattern::kRggb;
+  }
+}
+
+// Of the samples once they are unpacked.
+BayerPacking samples_of(const GenicamFormat& format) {
+  switch (format.bits) {
+    case 8:
+      return BayerPacking::k8;
+    case 10:
+      return BayerPacking::k10;
+    case 12:
+      return BayerPacking::k12;
+    default:
+      return BayerPacking::k16;
+  }
+}
 
 }  // namespace
 
@@ -31,9 +53,9 @@ GenicamPicture::GenicamPicture(const GenicamFormat& format, int width, int heigh
       words_(pixels(width, height) * 2) {
   SL_CHECK(stride_ > padding, "the caller checked that a row ends on a byte");
   if (format.bayer == BayerPattern::kNone) return;
-  row_.resize(static_cast<size_t>(width));
-  if (format.bits > 8) mosaic_.resize(pixels(width, height));
-  bgr_.resize(pixels(width, height) * 3);
+  bayer_ =
+      std::make_unique<BayerDecoder>(pattern_of(format.bayer), samples_of(format), width, height);
+  if (format.packing != Packing::kNone) mosaic_.resize(words_.size());
 }
 
 size_t GenicamPicture::bytes_needed() const {
@@ -47,7 +69,7 @@ FramePtr GenicamPicture::frame(FrameInfo info, std::span<const uint8_t> bytes,
   info.format = format_->format;
   info.width = width_;
   info.height = height_;
-  if (format_->bayer != BayerPattern::kNone) return demosaiced(info, bytes.data());
+  if (format_->bayer != BayerPattern::kNone) return demosaiced(info, bytes);
   if (format_->packing != Packing::kNone) return unpacked(info, bytes.data());
   FramePayload payload;
   payload.bytes = bytes.first(bytes_needed());
@@ -63,14 +85,18 @@ FramePtr GenicamPicture::copied_frame(const FrameInfo& info, std::span<const uin
   return frame(info, {copy.get(), bytes_needed()}, copy);
 }
 
-FramePtr GenicamPicture::unpacked(const FrameInfo& info, const uint8_t* bytes) {
-  const std::shared_ptr<uint8_t> words = words_.get();
+void GenicamPicture::unpack(const uint8_t* bytes, uint8_t* words) const {
   // operator new aligns for any fundamental type.
-  auto* const to = reinterpret_cast<uint16_t*>(words.get());
+  auto* const to = reinterpret_cast<uint16_t*>(words);
   for (int y = 0; y < height_; ++y) {
     unpack_row(format_->packing, format_->bits, bytes + y * stride_, width_,
                to + ptrdiff_t{y} * width_);
   }
+}
+
+FramePtr GenicamPicture::unpacked(const FrameInfo& info, const uint8_t* bytes) {
+  const std::shared_ptr<uint8_t> words = words_.get();
+  unpack(bytes, words.get());
   FramePayload payload;
   payload.bytes = {words.get(), words_.size()};
   payload.stride = ptrdiff_t{width_} * 2;
@@ -78,32 +104,16 @@ FramePtr GenicamPicture::unpacked(const FrameInfo& info, const uint8_t* bytes) {
   return Frame::raw(info, std::move(payload), pictures_);
 }
 
-// The mosaic with eight bits a sample, rows `stride_` (8-bit formats) or width_ bytes apart.
-const uint8_t* GenicamPicture::eight_bit(const uint8_t* bytes) {
-  if (format_->bits == 8) return bytes;
-  const int shift = format_->bits - 8;
-  for (int y = 0; y < height_; ++y) {
-    const uint8_t* const from = bytes + y * stride_;
-    uint8_t* const to = start(mosaic_) + ptrdiff_t{y} * width_;
-    if (format_->packing == Packing::kNone) {
-      std::memcpy(row_.data(), from, row_.size() * 2);
-    } else {
-      unpack_row(format_->packing, format_->bits, from, width_, row_.data());
-    }
-    std::transform(row_.begin(), row_.end(), to, [shift](uint16_t sample) {
-      return static_cast<uint8_t>(std::min(sample >> shift, 255));
-    });
+FramePtr GenicamPicture::demosaiced(const FrameInfo& info, std::span<const uint8_t> bytes) {
+  ptrdiff_t stride = stride_;
+  if (format_->packing != Packing::kNone) {
+    unpack(bytes.data(), mosaic_.data());
+    bytes = mosaic_;
+    stride = ptrdiff_t{width_} * 2;
   }
-  return mosaic_.data();
-}
-
-FramePtr GenicamPicture::demosaiced(const FrameInfo& info, const uint8_t* bytes) {
-  const ptrdiff_t stride = format_->bits == 8 ? stride_ : width_;
-  demosaic_to_bgr(format_->bayer, {eight_bit(bytes), width_, height_, stride}, bgr_.data());
   const std::shared_ptr<Picture> picture = pictures_->get();
-  const Status converted =
-      raw_to_i420(PixelFormat::kBgr24, bgr_, ptrdiff_t{width_} * 3, picture->mutable_view());
-  SL_CHECK(converted.has_value(), "the buffer was made for this size");
+  const Status decoded = bayer_->decode(bytes, stride, picture->mutable_view());
+  SL_CHECK(decoded.has_value(), decoded.error().text);
   return Frame::decoded(info, picture, {}, pictures_);
 }
 

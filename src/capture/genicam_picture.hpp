@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "bayer_decoder.hpp"
 #include "bytes_pool.hpp"
 #include "genicam_formats.hpp"
 #include "sightline/image/picture.hpp"
@@ -34,16 +35,16 @@ class GenicamPicture {
 
  private:
   FramePtr unpacked(const FrameInfo& info, const uint8_t* bytes);
-  FramePtr demosaiced(const FrameInfo& info, const uint8_t* bytes);
-  const uint8_t* eight_bit(const uint8_t* bytes);
+  FramePtr demosaiced(const FrameInfo& info, std::span<const uint8_t> bytes);
+  void unpack(const uint8_t* bytes, uint8_t* words) const;
 
   const GenicamFormat* format_;
   int width_, height_, padding_;
   ptrdiff_t stride_;
   std::shared_ptr<PicturePool> pictures_;
   BytesPool copies_, words_;
-  std::vector<uint16_t> row_;
-  std::vector<uint8_t> mosaic_, bgr_;
+  std::unique_ptr<BayerDecoder> bayer_;  ///< of Bayer formats
+  std::vector<uint8_t> mosaic_;          ///< words, of packed Bayer formats
 };
 
 }  // namespace sightline

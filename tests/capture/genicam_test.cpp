@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Formats, unpackers, demosaicing and frame numbers of GenICam cameras, from generated buffers.
+// Formats, unpackers, colours and frame numbers of GenICam cameras, from generated buffers.
 #include <gtest/gtest.h>
 
 #include <memory>
