@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstring>
 
 namespace sightline {
 namespace {
@@ -22,15 +23,8 @@ v4l2_buffer buffer_of(uint32_t index) {
 
 }  // namespace
 
-struct V4l2Ring::CopyPool {
-  std::mutex mutex;
-  std::vector<std::unique_ptr<std::vector<uint8_t>>> free;
-};
-
 V4l2Ring::V4l2Ring(V4l2Device device, std::shared_ptr<V4l2System> system)
-    : device_(std::move(device)),
-      system_(std::move(system)),
-      copies_(std::make_shared<CopyPool>()) {}
+    : device_(std::move(device)), system_(std::move(system)) {}
 
 Result<std::shared_ptr<V4l2Ring>> V4l2Ring::start(V4l2Device device, int count,
                                                   size_t image_bytes) {
@@ -59,7 +53,12 @@ Status V4l2Ring::map_all(int count, size_t image_bytes) {
   }
   if (request.count < 2) return device_.error(V4l2Step::kBuffers, -ENOMEM);
   buffers_.resize(std::min(request.count, kMostBuffers));
-  for (uint32_t i = 0; i < buffers_.size(); ++i) SL_RETURN_IF_ERROR(map_one(i, image_bytes));
+  size_t largest = 0;
+  for (uint32_t i = 0; i < buffers_.size(); ++i) {
+    SL_RETURN_IF_ERROR(map_one(i, image_bytes));
+    largest = std::max(largest, buffers_[i].bytes);
+  }
+  copies_.emplace(largest);
   return {};
 }
 
@@ -141,22 +140,10 @@ int V4l2Ring::enqueue(uint32_t index) {
   return r;
 }
 
-std::shared_ptr<const std::vector<uint8_t>> V4l2Ring::copy(std::span<const uint8_t> bytes) {
-  std::unique_ptr<std::vector<uint8_t>> memory;
-  {
-    std::lock_guard lock(copies_->mutex);
-    if (!copies_->free.empty()) {
-      memory = std::move(copies_->free.back());
-      copies_->free.pop_back();
-    }
-  }
-  if (!memory) memory = std::make_unique<std::vector<uint8_t>>();
-  memory->assign(bytes.begin(), bytes.end());
-  return {memory.release(), [pool = copies_](std::vector<uint8_t>* p) {
-            std::unique_ptr<std::vector<uint8_t>> owned(p);
-            std::lock_guard lock(pool->mutex);
-            pool->free.push_back(std::move(owned));
-          }};
+std::shared_ptr<const uint8_t> V4l2Ring::copy(std::span<const uint8_t> bytes) {
+  const auto memory = copies_->get();
+  std::memcpy(memory.get(), bytes.data(), bytes.size());
+  return memory;
 }
 
 size_t V4l2Ring::queued() const {

@@ -10,6 +10,7 @@
 #include <span>
 #include <vector>
 
+#include "bytes_pool.hpp"
 #include "sightline/base/result.hpp"
 #include "v4l2_device.hpp"
 
@@ -35,8 +36,8 @@ class V4l2Ring : public std::enable_shared_from_this<V4l2Ring> {
   /// Gives the buffer back when the last copy of the pointer dies, on whatever thread.
   std::shared_ptr<const void> lend(uint32_t index);
   void give_back(uint32_t index);
-  /// A copy of the bytes, in recycled memory.
-  std::shared_ptr<const std::vector<uint8_t>> copy(std::span<const uint8_t> bytes);
+  /// A copy of a buffer's bytes, in recycled memory.
+  std::shared_ptr<const uint8_t> copy(std::span<const uint8_t> bytes);
 
   /// Buffers that the driver can fill now.
   size_t queued() const;
@@ -54,7 +55,6 @@ class V4l2Ring : public std::enable_shared_from_this<V4l2Ring> {
     bool queued = false;
     bool refused = false;
   };
-  struct CopyPool;
 
   V4l2Ring(V4l2Device device, std::shared_ptr<V4l2System> system);
   Status map_all(int count, size_t image_bytes);
@@ -67,7 +67,7 @@ class V4l2Ring : public std::enable_shared_from_this<V4l2Ring> {
   V4l2Device device_;
   std::shared_ptr<V4l2System> system_;
   std::vector<Buffer> buffers_;
-  std::shared_ptr<CopyPool> copies_;
+  std::optional<BytesPool> copies_;
   int refusals_ = 0;
 };
 

@@ -5,6 +5,7 @@
 #include <poll.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <cmath>
 
@@ -72,8 +73,7 @@ class V4l2Source final : public FrameSource {
   Result<SourceStep> next(std::stop_token stop, Duration timeout) override;
 
  private:
-  Result<FramePtr> take_frame();
-  Result<bool> wait(Duration limit);
+  Result<FramePtr> take_frame(bool trouble);
   Error stalled() const;
   bool is_damaged(const v4l2_buffer& filled) const;
   Result<FramePtr> frame_of(const v4l2_buffer& filled, Time arrival);
@@ -106,20 +106,15 @@ Result<SourceStep> V4l2Source::next(std::stop_token stop, Duration timeout) {
     if (now >= silent_after_) return stalled();
     const Duration limit =
         std::clamp<Duration>(std::min(until, silent_after_) - now, Duration(0), kSlice);
-    SL_ASSIGN(const bool ready, wait(limit));
-    if (ready) {
-      SL_ASSIGN(FramePtr frame, take_frame());
+    const int events = ring_->poll(limit);
+    if (events < 0) return ring_->device().error(V4l2Step::kCapture, events);
+    if (events != 0) {
+      SL_ASSIGN(FramePtr frame, take_frame((events & POLLERR) != 0));
       if (frame) return SourceStep{SourceStep::Kind::kFrame, std::move(frame)};
     }
     if (system_->now() >= until) break;
   }
   return SourceStep{};
-}
-
-Result<bool> V4l2Source::wait(Duration limit) {
-  const int events = ring_->poll(limit);
-  if (events < 0) return ring_->device().error(V4l2Step::kCapture, events);
-  return events != 0;  // also at POLLERR: taking a buffer then tells what is wrong
 }
 
 Error V4l2Source::stalled() const {
@@ -141,9 +136,11 @@ Error V4l2Source::stalled() const {
                     ring_->device().path(), ring_->device().card(), silence);
 }
 
-// The next good frame; null if there is none yet, or only a damaged one.
-Result<FramePtr> V4l2Source::take_frame() {
+// The next good frame; null if there is none yet, or only a damaged one. `trouble`: poll() reported
+// an error, so there is a buffer, a reason, or else a driver that has stopped without one.
+Result<FramePtr> V4l2Source::take_frame(bool trouble) {
   SL_ASSIGN(const auto filled, ring_->dequeue());
+  if (!filled && trouble) return ring_->device().error(V4l2Step::kCapture, -EIO);
   if (!filled) return FramePtr();
   const Time arrival = system_->now();
   if (ring_->queued() == 0) counters_->starved.add();
@@ -211,7 +208,7 @@ FramePayload V4l2Source::payload_of(const v4l2_buffer& filled, std::span<const u
   const auto copy = ring_->copy(bytes);
   ring_->give_back(filled.index);
   counters_->copied.add();
-  payload.bytes = *copy;
+  payload.bytes = {copy.get(), bytes.size()};
   payload.owner = copy;
   return payload;
 }
