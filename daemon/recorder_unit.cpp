@@ -1,12 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "recorder_unit.hpp"
 
+#include <algorithm>
+
 #include "sightline/base/log.hpp"
 #include "sightline/base/thread.hpp"
 
 namespace sightline {
 
 using namespace std::chrono_literals;
+
+namespace {
+
+constexpr size_t kMaxQueuedBytes = size_t{256} << 20;
+
+size_t bytes_of(const Frame& frame) {
+  const auto pixels =
+      static_cast<size_t>(frame.info().width) * static_cast<size_t>(frame.info().height);
+  return std::max(frame.payload().bytes.size(), pixels * 3 / 2);
+}
+
+}  // namespace
 
 Result<std::unique_ptr<RecorderUnit>> RecorderUnit::start(const std::filesystem::path& folder,
                                                           const RecordingWriterOptions& options,
@@ -39,15 +53,28 @@ RecorderUnit::RecorderUnit(std::filesystem::path folder, std::unique_ptr<Recordi
       written_(registry.counter("sightline_record_frames_total", "Frames written")) {}
 
 void RecorderUnit::push_entry(Entry entry) {
-  if (queue_.push(std::move(entry))) dropped_.add();
+  if (const auto dropped = queue_.push(std::move(entry))) {
+    dropped_.add();
+    if (const auto* frame = std::get_if<FramePtr>(&*dropped)) queued_bytes_ -= bytes_of(**frame);
+  }
 }
 
-void RecorderUnit::push(const FramePtr& frame) { push_entry(frame); }
+void RecorderUnit::push(const FramePtr& frame) {
+  const size_t bytes = bytes_of(*frame);
+  if (queued_bytes_.fetch_add(bytes) + bytes > kMaxQueuedBytes) {
+    queued_bytes_ -= bytes;
+    dropped_.add();
+    return;
+  }
+  push_entry(frame);
+}
 
 void RecorderUnit::push(const PoseEstimate& estimate) { push_entry(estimate); }
 
 Status RecorderUnit::write(const Entry& entry) {
   if (const auto* frame = std::get_if<FramePtr>(&entry)) {
+    queued_bytes_ -= bytes_of(**frame);
+    if (!problem().empty()) return {};
     written_.add();
     return writer_->append(**frame);
   }
@@ -71,7 +98,6 @@ void RecorderUnit::run(std::stop_token stop, Heartbeat& heartbeat) {
     const bool stopping = stop.stop_requested();
     const auto entry = queue_.pop(stop, 250ms);
     if (!entry && stopping) break;
-    if (!problem().empty()) continue;
     note(entry ? write(*entry) : writer_->flush());
   }
   note(writer_->close());

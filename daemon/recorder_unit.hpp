@@ -19,8 +19,8 @@
 namespace sightline {
 
 /// The thread that writes a recording ("record"), behind a bounded queue: capture and fuse never
-/// wait for the disk. What does not fit is dropped, oldest first, and counted; a full disk ends the
-/// recording and nothing else.
+/// wait for the disk. What does not fit (256 MiB of frames) is dropped and counted; a full disk
+/// ends the recording and nothing else.
 class RecorderUnit {
  public:
   static Result<std::unique_ptr<RecorderUnit>> start(const std::filesystem::path& folder,
@@ -51,8 +51,8 @@ class RecorderUnit {
   const std::filesystem::path folder_;
   std::unique_ptr<RecordingWriter> writer_;
   const std::vector<std::string> cameras_, objects_;
-  // Frames keep their buffers while they wait, so this bounds memory as well.
-  BoundedQueue<Entry> queue_{128};
+  BoundedQueue<Entry> queue_{512};
+  std::atomic<size_t> queued_bytes_{0};  // of the frames in it, which keep their buffers meanwhile
   Counter &dropped_, &written_;
   mutable std::mutex mutex_;
   Status status_;

@@ -19,9 +19,9 @@ class BoundedQueue {
  public:
   explicit BoundedQueue(size_t capacity) : capacity_(capacity) {}
 
-  /// Appends `value`; returns true if the oldest entry was dropped for it.
-  bool push(T value) {
-    std::optional<T> dropped;  // destroyed outside the lock
+  /// Appends `value`; returns the oldest entry if it had to go for it.
+  std::optional<T> push(T value) {
+    std::optional<T> dropped;
     {
       std::lock_guard lock(mutex_);
       if (values_.size() >= capacity_) {
@@ -32,7 +32,7 @@ class BoundedQueue {
       values_.push_back(std::move(value));
     }
     ready_.notify_one();
-    return dropped.has_value();
+    return dropped;
   }
 
   /// The oldest entry, waiting at most `timeout`; empty on timeout or stop.
