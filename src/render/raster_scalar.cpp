@@ -21,7 +21,9 @@ inline F8 each(Make make) {
 inline F8 load(const float* p) {
   return each([p](int i) { return p[i]; });
 }
-inline F8 load_aligned(const float* p) { return load(p); }
+inline F8 load_halves(const float* p, const float* q) {
+  return each([p, q](int i) { return i < 4 ? p[i] : q[i - 4]; });
+}
 inline F8 set1(float a) {
   return each([a](int) { return a; });
 }
@@ -63,11 +65,22 @@ inline M8 from_bits(unsigned b) {
 inline F8 select(const M8& m, const F8& a, const F8& b) {
   return each([&](int i) { return m.v[i] ? a.v[i] : b.v[i]; });
 }
-inline void store_aligned(float* p, const F8& a) {
+inline void store(float* p, const F8& a) {
   for (int i = 0; i < kLanes; ++i) p[i] = a.v[i];
+}
+inline void store_halves(float* p, float* q, const F8& a) {
+  for (int i = 0; i < 4; ++i) p[i] = a.v[i];
+  for (int i = 0; i < 4; ++i) q[i] = a.v[i + 4];
+}
+inline void store_whole(int* p, const F8& a) {
+  for (int i = 0; i < kLanes; ++i) p[i] = static_cast<int>(a.v[i]);
 }
 inline void store_bytes(uint8_t* p, const M8& m, uint8_t value) {
   for (int i = 0; i < kLanes; ++i) p[i] = m.v[i] ? value : p[i];
+}
+inline void store_byte_halves(uint8_t* p, uint8_t* q, const M8& m, uint8_t value) {
+  for (int i = 0; i < 4; ++i) p[i] = m.v[i] ? value : p[i];
+  for (int i = 0; i < 4; ++i) q[i] = m.v[i + 4] ? value : q[i];
 }
 
 }  // namespace
