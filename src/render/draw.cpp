@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstring>
 #include <numbers>
@@ -16,6 +17,7 @@ using Ints [[gnu::vector_size(16)]] = int32_t;
 using Shorts [[gnu::vector_size(16)]] = int16_t;
 using Bytes [[gnu::vector_size(8)]] = uint8_t;
 constexpr int kLanes = 8;
+constexpr int kLow = std::endian::native == std::endian::little ? 0 : 1;
 
 /// One or two planes of one geometry, and the value each is drawn with.
 template <int Planes>
@@ -140,10 +142,10 @@ struct Bar {
     const Floats steps = {0, 1, 2, 3};
     const Ints a = alpha4(x + steps - middle_x, dy);
     const Ints b = alpha4(x + 4 + steps - middle_x, dy);
-    return Shorts{static_cast<int16_t>(a[0]), static_cast<int16_t>(a[1]),
-                  static_cast<int16_t>(a[2]), static_cast<int16_t>(a[3]),
-                  static_cast<int16_t>(b[0]), static_cast<int16_t>(b[1]),
-                  static_cast<int16_t>(b[2]), static_cast<int16_t>(b[3])};
+    // The low halves: alphas are small.
+    return __builtin_shufflevector(reinterpret_cast<Shorts>(a), reinterpret_cast<Shorts>(b), kLow,
+                                   kLow + 2, kLow + 4, kLow + 6, kLow + 8, kLow + 10, kLow + 12,
+                                   kLow + 14);
   }
 };
 

@@ -71,10 +71,33 @@ bool cut_frame(const RayLine& line, const RayTable& rays, double& s0, double& s1
          slab(line.start.y(), d.y(), double{b.min_y} - grow_y, double{b.max_y} + grow_y);
 }
 
-/// Follows one line through the lens. `hidden(ray, inverse_z, pixel)` is asked at every sample.
+/// A line on its way through the lens, and where its pieces go.
+struct Trace {
+  const RayTable& rays;
+  uint32_t name;
+  std::vector<EdgeSegment>& out;
+  Eigen::Vector2d start;  ///< of the piece under way [px]
+  bool hidden = false;    ///< and what it is
+
+  bool near_picture(const Eigen::Vector2d& p) const {
+    return p.x() > -kOutside && p.y() > -kOutside && p.x() < rays.width() + kOutside &&
+           p.y() < rays.height() + kOutside;
+  }
+  void end_piece(const Eigen::Vector2d& p) {
+    if (near_picture(start) || near_picture(p)) {
+      out.push_back({static_cast<float>(start.x()), static_cast<float>(start.y()),
+                     static_cast<float>(p.x()), static_cast<float>(p.y()), name, !hidden});
+    }
+    start = p;
+  }
+};
+
+/// Follows one line through the lens. `hidden(inverse_z, pixel)` is asked every kSampleStep, or
+/// once a piece if the answer is the same all along the line. Only the ends of pieces are
+/// projected: what keeps a piece straight within kCurveError keeps the samples along it as true.
 template <typename Hidden>
 void trace(const RayTable& rays, const Eigen::Vector3d& a, const Eigen::Vector3d& b, uint32_t name,
-           const Hidden& hidden, std::vector<EdgeSegment>& out) {
+           bool same_all_along, const Hidden& hidden, std::vector<EdgeSegment>& out) {
   if (rays.frame_bounds().empty()) return;
   const auto line = cut_near(a, b);
   double s0 = 0, s1 = 1;
@@ -82,49 +105,34 @@ void trace(const RayTable& rays, const Eigen::Vector3d& a, const Eigen::Vector3d
       !cut_frame(*line, rays, s0, s1))
     return;
   const double length = (s1 - s0) * (line->end - line->start).norm();
-  // Ray length of one piece, from the bound of the lens's curvature; pixel length of the whole.
+  // Ray length of one piece, from the bound of the lens's curvature.
   const double bend = rays.curvature_bound(0, std::max(line->at(s0).norm(), line->at(s1).norm()));
   const double straight = bend > 0 ? std::sqrt(8 * kCurveError / bend) : length;
+  const int pieces =
+      length > 0 ? static_cast<int>(std::clamp(std::ceil(length / straight), 1.0, 8192.0)) : 1;
   const auto first = rays.project(line->at(s0));
-  const auto last = rays.project(line->at(s1));
-  if (!first || !last) return;
-  const double pixels = (*last - *first).norm() + bend * length * length / 8;
-  const double count = std::max(std::ceil(length / straight), std::ceil(pixels / kSampleStep));
-  const int samples = static_cast<int>(std::clamp(count, 1.0, 8192.0));
-  const double piece_samples =
-      std::max(1.0, std::floor(straight * samples / std::max(length, 1e-300)));
-
-  const auto inside = [&](const Eigen::Vector2d& p) {
-    return p.x() > -kOutside && p.y() > -kOutside && p.x() < rays.width() + kOutside &&
-           p.y() < rays.height() + kOutside;
-  };
-  const auto put = [&](const Eigen::Vector2d& p, const Eigen::Vector2d& q, bool is_hidden) {
-    if (!inside(p) && !inside(q)) return;
-    out.push_back({static_cast<float>(p.x()), static_cast<float>(p.y()), static_cast<float>(q.x()),
-                   static_cast<float>(q.y()), name, !is_hidden});
-  };
-  // Samples sit in the middle of their stretch; a piece ends where the answer changes.
-  Eigen::Vector2d piece_start = *first;
-  Eigen::Vector2d here = *first;
-  bool piece_hidden = false;
-  int in_piece = 0;
-  for (int i = 0; i < samples; ++i) {
-    const double middle = s0 + (s1 - s0) * (i + 0.5) / samples;
-    const Eigen::Vector2d ray = line->at(middle);
-    const auto pixel = rays.project(ray);
-    const auto next = rays.project(line->at(s0 + (s1 - s0) * (i + 1.0) / samples));
-    if (!pixel || !next) break;
-    const bool is_hidden = hidden(ray, line->inverse_at(middle), *pixel);
-    if (in_piece > 0 && (is_hidden != piece_hidden || in_piece >= piece_samples)) {
-      put(piece_start, here, piece_hidden);
-      piece_start = here;
-      in_piece = 0;
+  if (!first) return;
+  Trace path{rays, name, out, *first};
+  Eigen::Vector2d from = *first;
+  for (int i = 0; i < pieces; ++i) {
+    const double begin = s0 + (s1 - s0) * i / pieces;
+    const double end = s0 + (s1 - s0) * (i + 1) / pieces;
+    const auto to = rays.project(line->at(end));
+    if (!to) return;
+    const Eigen::Vector2d delta = *to - from;
+    const double wanted = same_all_along ? 1 : std::ceil(delta.norm() / kSampleStep);
+    const int samples = static_cast<int>(std::clamp(wanted, 1.0, 8192.0));
+    // Samples sit in the middle of their stretch; a piece ends where the answer changes.
+    for (int k = 0; k < samples; ++k) {
+      const double share = (k + 0.5) / samples;
+      const bool is_hidden =
+          hidden(line->inverse_at(begin + share * (end - begin)), from + share * delta);
+      if (k > 0 && is_hidden != path.hidden) path.end_piece(from + delta * k / samples);
+      path.hidden = is_hidden;
     }
-    piece_hidden = is_hidden;
-    ++in_piece;
-    here = *next;
+    path.end_piece(*to);
+    from = *to;
   }
-  if (in_piece > 0) put(piece_start, here, piece_hidden);
 }
 
 /// Inverse depth in the tile at the pixel nearest to `pixel`; nothing outside the tile.
@@ -151,13 +159,13 @@ Eigen::Vector3d plane_slope(const RenderMesh& mesh, const Eigen::Matrix3d& rotat
 void project_line(const RayTable& rays, const Eigen::Vector3d& start_in_camera,
                   const Eigen::Vector3d& end_in_camera, uint32_t line, const RasterTile* depth,
                   double tolerance, std::vector<EdgeSegment>& out) {
-  const auto hidden = [&](const Eigen::Vector2d&, double inverse_z, const Eigen::Vector2d& pixel) {
+  const auto hidden = [&](double inverse_z, const Eigen::Vector2d& pixel) {
     if (depth == nullptr) return false;
     int px = 0, py = 0;
     const auto stored = depth_at(*depth, pixel, px, py);
     return stored && *stored > inverse_z * (1 + tolerance);
   };
-  trace(rays, start_in_camera, end_in_camera, line, hidden, out);
+  trace(rays, start_in_camera, end_in_camera, line, depth == nullptr, hidden, out);
 }
 
 void visible_edges(const RayTable& rays, const RenderMesh& mesh, const Rigid3& camera_from_object,
@@ -177,8 +185,7 @@ void visible_edges(const RayTable& rays, const RenderMesh& mesh, const Rigid3& c
     const Eigen::Vector3d second = plane_slope(mesh, rotation, a, edge.second_face);
     // The stored depth belongs to the pixel's centre: it is compared with where the edge's own
     // faces pass there, not with the edge, so steep faces do not hide their own edges.
-    const auto hidden = [&](const Eigen::Vector2d&, double inverse_z,
-                            const Eigen::Vector2d& pixel) {
+    const auto hidden = [&](double inverse_z, const Eigen::Vector2d& pixel) {
       if (behind) return true;
       int px = 0, py = 0;
       const auto stored = depth_at(depth, pixel, px, py);
@@ -187,7 +194,7 @@ void visible_edges(const RayTable& rays, const RenderMesh& mesh, const Rigid3& c
       const double own = std::max({inverse_z, first.dot(centre), second.dot(centre)});
       return *stored > own * (1 + slack * own);
     };
-    trace(rays, a, b, i, hidden, out);
+    trace(rays, a, b, i, behind, hidden, out);
   }
 }
 
