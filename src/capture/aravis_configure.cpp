@@ -234,7 +234,9 @@ std::string ptp_state(ArvCamera* camera) {
 Result<AravisSettings> configure_aravis(ArvCamera* camera, const AravisOptions& options,
                                         const std::string& name) {
   // A client that crashed may have left it running, and then most features are locked.
-  ask(0, [&](GError** e) { return arv_camera_stop_acquisition(camera, e), 0; });
+  const Status stopped =
+      attempt(name, "stop the camera", [&](GError** e) { arv_camera_stop_acquisition(camera, e); });
+  if (!stopped && stopped.error().code == ErrorCode::kTimeout) return stopped.error();
   SL_RETURN_IF_ERROR(set_format(camera, options, name));
   SL_RETURN_IF_ERROR(set_region(camera, options, name));
   SL_RETURN_IF_ERROR(set_exposure_and_gain(camera, options, name));

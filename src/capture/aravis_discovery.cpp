@@ -11,6 +11,7 @@
 #include <optional>
 #include <tuple>
 
+#include "aravis_close.hpp"
 #include "sightline/base/time.hpp"
 #include "sightline/base/unique_fd.hpp"
 
@@ -148,6 +149,7 @@ Result<ObjectRef<ArvCamera>> connect_gige(const std::string& address, const std:
                       address, *own, slot.text());
   }
   if (!arv_gv_device_is_controller(ARV_GV_DEVICE(device.get()))) {
+    close_in_background(std::move(device));
     return make_error(ErrorCode::kUnavailable, name,
                       "the camera at {} is controlled by another client: stop that program (a "
                       "crashed one loses control after the camera's heartbeat time-out)",

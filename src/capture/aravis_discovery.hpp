@@ -10,7 +10,7 @@ namespace sightline {
 
 /// A camera that answered.
 struct FoundCamera {
-  std::string id;        ///< "Vendor-Serial"
+  std::string id;        ///< "Vendor-Model-Serial"
   std::string physical;  ///< MAC or USB GUID
   std::string address;   ///< IPv4 of GigE Vision cameras
   std::string vendor, model, serial;
@@ -20,7 +20,7 @@ struct FoundCamera {
 /// Who answers within a second. Callers that wait for each other share one answer.
 std::vector<FoundCamera> discover_aravis();
 
-/// "Vendor-Serial at 10.0.0.7, ..." or "no camera answers", for messages.
+/// "Vendor-Model-Serial at 10.0.0.7, ..." or "no camera answers", for messages.
 std::string to_string(const std::vector<FoundCamera>& cameras);
 
 /// Finds the camera (AravisOptions::id) and takes control of it. At most about 4 s.

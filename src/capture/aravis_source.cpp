@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "aravis_buffers.hpp"
+#include "aravis_close.hpp"
 #include "aravis_configure.hpp"
 #include "aravis_discovery.hpp"
 #include "aravis_times.hpp"
@@ -45,8 +46,9 @@ void on_control_lost(ArvDevice*, std::atomic<bool>* lost) { lost->store(true); }
 class Source final : public AravisSource {
  public:
   Source(const AravisOptions& options, const AravisSettings& settings, SourceInfo info,
-         uint32_t epoch, ObjectRef<ArvCamera> camera)
+         std::string device_id, uint32_t epoch, ObjectRef<ArvCamera> camera)
       : info_(std::move(info)),
+        device_id_(std::move(device_id)),
         epoch_(epoch),
         settings_(settings),
         ptp_(options.ptp),
@@ -61,10 +63,11 @@ class Source final : public AravisSource {
       ask(0, [&](GError** e) { return arv_camera_stop_acquisition(camera_.get(), e), 0; });
     }
     if (buffers_) buffers_->close();
-    stream_.reset();
     if (lost_handler_ != 0) {
       g_signal_handler_disconnect(arv_camera_get_device(camera_.get()), lost_handler_);
     }
+    if (gone_) close_in_background(std::move(stream_), std::move(camera_));
+    // Else the members go in reverse order: the stream before its camera.
   }
 
   Status start(const AravisOptions& options);
@@ -87,6 +90,7 @@ class Source final : public AravisSource {
   Error silence() const;
 
   const SourceInfo info_;
+  const std::string device_id_;
   const uint32_t epoch_;
   const AravisSettings settings_;
   const bool ptp_;
@@ -271,12 +275,20 @@ AravisStatus Source::status() const {
   status.clock_resets = clock.resets();
   status.clock_drift = clock.drift();
   status.clock_bound = clock.bound();
-  status.device_id = text_or_empty(ask<const char*>(
-      nullptr, [&](GError** e) { return arv_camera_get_device_id(camera_.get(), e); }));
+  status.device_id = device_id_;
   status.pixel_format = settings_.format->name;
   status.packet_size = settings_.packet_size;
   if (ptp_ && !gone_) status.ptp = ptp_state(camera_.get());
   return status;
+}
+
+// As the discovery has it.
+std::string id_of(ArvCamera* camera) {
+  const auto part = [&](const char* (*get)(ArvCamera*, GError**)) {
+    return text_or_empty(ask<const char*>(nullptr, [&](GError** e) { return get(camera, e); }));
+  };
+  return part(arv_camera_get_vendor_name) + "-" + part(arv_camera_get_model_name) + "-" +
+         part(arv_camera_get_device_serial_number);
 }
 
 Status check(const AravisOptions& options, const std::string& name) {
@@ -288,6 +300,11 @@ Status check(const AravisOptions& options, const std::string& name) {
     return make_error(ErrorCode::kInvalidInput, name, "no size {}x{}: give width and height, or 0",
                       options.width, options.height);
   }
+  if (options.packet_size != 0 && (options.packet_size < 220 || options.packet_size > 16404)) {
+    return make_error(ErrorCode::kInvalidInput, name,
+                      "no packets of {} bytes: 220 to 16404, or 0 for as large as the way allows",
+                      options.packet_size);
+  }
   return {};
 }
 
@@ -298,14 +315,20 @@ Result<std::unique_ptr<AravisSource>> open_aravis_source(const AravisOptions& op
                                                          uint32_t epoch) {
   SL_RETURN_IF_ERROR(check(options, name));
   SL_ASSIGN(ObjectRef<ArvCamera> device, connect_aravis(options.id, name));
-  SL_ASSIGN(const AravisSettings settings, configure_aravis(device.get(), options, name));
-  const SourceInfo info{camera, name, settings.width, settings.height, settings.rate_hz};
-  log::info("{}: {} {}, {} {}x{}, {:.4g} Hz{}", name,
-            text_or_empty(arv_camera_get_vendor_name(device.get(), nullptr)),
-            text_or_empty(arv_camera_get_model_name(device.get(), nullptr)), settings.format->name,
-            settings.width, settings.height, settings.rate_hz,
-            settings.gige ? fmt::format(", packets of {} bytes", settings.packet_size) : "");
-  auto source = std::make_unique<Source>(options, settings, info, epoch, std::move(device));
+  const auto settings = configure_aravis(device.get(), options, name);
+  if (!settings) {
+    if (settings.error().code == ErrorCode::kTimeout) {
+      close_in_background(nullptr, std::move(device));
+    }
+    return settings.error();
+  }
+  const SourceInfo info{camera, name, settings->width, settings->height, settings->rate_hz};
+  const std::string device_id = id_of(device.get());
+  log::info("{}: {}, {} {}x{}, {:.4g} Hz{}", name, device_id, settings->format->name,
+            settings->width, settings->height, settings->rate_hz,
+            settings->gige ? fmt::format(", packets of {} bytes", settings->packet_size) : "");
+  auto source =
+      std::make_unique<Source>(options, *settings, info, device_id, epoch, std::move(device));
   SL_RETURN_IF_ERROR(source->start(options));
   return std::unique_ptr<AravisSource>(std::move(source));
 }

@@ -17,8 +17,8 @@ enum class ExposureStamp { kStart, kEnd };
 
 /// One GigE Vision or USB3 Vision camera. Zero, empty or nullopt: the camera's own setting stays.
 struct AravisOptions {
-  /// What `source = "aravis:ID"` names: a device id ("Vendor-Serial", as list_aravis() has it), a
-  /// serial number, a MAC (or USB GUID) or an IPv4 address. With "interface:NAME/ID" only
+  /// What `source = "aravis:ID"` names: a device id ("Vendor-Model-Serial", as list_aravis() has
+  /// it), a serial number, a MAC (or USB GUID) or an IPv4 address. With "interface:NAME/ID" only
   /// that network interface (name or its own address) is used. An address is asked directly,
   /// without discovery, through the interface that the route to it takes.
   std::string id;
@@ -63,7 +63,7 @@ struct AravisStatus {
   uint64_t clock_resets = 0;
   double clock_drift = 0;  ///< of the device clock against the host's
   Duration clock_bound{0};
-  std::string device_id;     ///< "Vendor-Serial"
+  std::string device_id;     ///< "Vendor-Model-Serial"
   std::string pixel_format;  ///< in force, as GenICam spells it
   std::string ptp;           ///< "Slave", "Master", ...; empty: off
   int packet_size = 0;

@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: Apache-2.0
+// A small client for tests with simulated cameras: opens the camera, reads it, opens it again when
+// it is lost, and reports as lines "EVENT rest". Ends when its standard input closes.
+//   aravis_client list
+//   aravis_client open ID [key=value ...]
+#include <fmt/format.h>
+#include <poll.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <deque>
+#include <string>
+#include <string_view>
+
+#include "sightline/capture/aravis_source.hpp"
+
+namespace {
+
+using namespace sightline;
+using namespace std::chrono_literals;
+
+constexpr Duration kReopenAfter = 250ms;
+
+template <typename... Args>
+void say(fmt::format_string<Args...> format, Args&&... args) {
+  fmt::print("{}\n", fmt::format(format, std::forward<Args>(args)...));
+  std::fflush(stdout);
+}
+
+bool told_to_end(Duration wait) {
+  pollfd input{STDIN_FILENO, POLLIN, 0};
+  return ::poll(&input, 1, static_cast<int>(wait / 1ms)) > 0;
+}
+
+struct Settings {
+  AravisOptions aravis;
+  int hold = 0;       // frames kept in hand
+  bool fire = false;  // a software trigger for every frame
+};
+
+bool set(Settings& settings, std::string_view key, const std::string& value) {
+  AravisOptions& o = settings.aravis;
+  const int number = std::atoi(value.c_str());
+  if (key == "width")
+    o.width = number;
+  else if (key == "height")
+    o.height = number;
+  else if (key == "rate")
+    o.rate_hz = std::atof(value.c_str());
+  else if (key == "exposure")
+    o.exposure_us = std::atof(value.c_str());
+  else if (key == "transit")
+    o.transit_us = std::atof(value.c_str());
+  else if (key == "format")
+    o.pixel_format = value;
+  else if (key == "trigger")
+    o.trigger = value;
+  else if (key == "packet_size")
+    o.packet_size = number;
+  else if (key == "packet_socket")
+    o.packet_socket = number != 0;
+  else if (key == "buffers")
+    o.buffers = number;
+  else if (key == "ptp")
+    o.ptp = number != 0;
+  else if (key == "hold")
+    settings.hold = number;
+  else if (key == "fire")
+    settings.fire = number != 0;
+  else
+    return false;
+  return true;
+}
+
+void say_status(const AravisStatus& s) {
+  say("status delivered={} lost={} incomplete={} unusable={} copied={} underruns={} "
+      "stamps_rejected={} clock_resets={} drift={} bound_ns={} id={} format={}",
+      s.delivered, s.lost, s.incomplete, s.unusable, s.copied, s.underruns, s.stamps_rejected,
+      s.clock_resets, s.clock_drift, s.clock_bound.count(), s.device_id, s.pixel_format);
+}
+
+// Until the camera is lost or we are told to end (true).
+bool read(AravisSource& source, const Settings& settings) {
+  std::deque<FramePtr> held;
+  uint64_t frames = 0;
+  for (;;) {
+    if (told_to_end(0ms)) {
+      say_status(source.status());
+      return true;
+    }
+    if (settings.fire) {
+      if (const Status fired = source.trigger(); !fired) say("error {}", fired.error().message());
+    }
+    const auto step = source.next({}, 100ms);
+    if (!step) {
+      say_status(source.status());
+      say("error {}", step.error().message());
+      return false;
+    }
+    if (step->kind != SourceStep::Kind::kFrame) continue;
+    const Frame& frame = *step->frame;
+    const FrameInfo& info = frame.info();
+    // The simulated camera stamps with the host's wall clock: its truth is known.
+    const Time truth = info.arrival - Duration(utc_ns_of(info.arrival) - info.device_time_ns);
+    const I420View picture = frame.i420();
+    say("frame n={} epoch={} sequence={} dropped={} width={} height={} payload={} luma={} "
+        "error_ns={} bound_ns={} age_ns={}",
+        frames++, info.epoch, info.sequence, info.dropped_before, info.width, info.height,
+        frame.payload().bytes.size(), picture.y.row(info.height / 2)[info.width / 2],
+        (info.capture - truth).count(), info.capture_error.count(),
+        (info.arrival - info.capture).count());
+    held.push_back(step->frame);
+    while (held.size() > static_cast<size_t>(settings.hold)) held.pop_front();
+  }
+}
+
+int open(const Settings& settings) {
+  for (uint32_t epoch = 0;; ++epoch) {
+    auto source = open_aravis_source(settings.aravis, CameraId(0), "cam", epoch);
+    if (source) {
+      const SourceInfo& info = (*source)->info();
+      say("open width={} height={} rate={}", info.width, info.height, info.nominal_rate_hz);
+      if (read(**source, settings)) return 0;
+    } else {
+      say("error {}", source.error().message());
+      if (source.error().code == ErrorCode::kInvalidInput) return exit_code(source.error());
+    }
+    source = Error{};  // gives the camera back before the wait
+    say("closed");
+    if (told_to_end(kReopenAfter)) return 0;
+  }
+}
+
+int list() {
+  const auto devices = list_aravis(true);
+  if (!devices) {
+    say("error {}", devices.error().message());
+    return exit_code(devices.error());
+  }
+  for (const DeviceInfo& device : *devices) {
+    std::string formats;
+    for (const FormatInfo& format : device.formats) formats += format.pixel_format + ",";
+    say("device id={} serial={} where={} formats={} note={}", device.id, device.serial,
+        device.where, formats, device.note);
+  }
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc == 2 && std::string_view(argv[1]) == "list") return list();
+  if (argc < 3 || std::string_view(argv[1]) != "open") return 2;
+  Settings settings;
+  settings.aravis.id = argv[2];
+  for (int i = 3; i < argc; ++i) {
+    const std::string_view argument(argv[i]);
+    const size_t equals = std::min(argument.find('='), argument.size() - 1);
+    if (!set(settings, argument.substr(0, equals), std::string(argument.substr(equals + 1)))) {
+      return 2;
+    }
+  }
+  return open(settings);
+}
