@@ -25,6 +25,7 @@ constexpr Duration kDeadlineWithoutRate = 3s;
 constexpr int kPeriodsOfDeadline = 5;
 constexpr int kKeptForStream = 2;  // buffers that readers cannot take from the stream
 constexpr Duration kOldestArrival = 2s;
+constexpr Duration kPtpInterval = 2s;
 
 std::optional<Duration> deadline_of(const AravisOptions& options, const AravisSettings& settings) {
   if (options.frame_timeout > Duration{0}) return options.frame_timeout;
@@ -88,6 +89,7 @@ class Source final : public AravisSource {
   FramePtr make_frame(const FrameInfo& info, ArvBuffer* buffer, std::span<const uint8_t> bytes);
   bool picture_fits(ArvBuffer* buffer, std::span<const uint8_t>& bytes);
   Error silence() const;
+  std::string ptp() const;
 
   const SourceInfo info_;
   const std::string device_id_;
@@ -106,6 +108,8 @@ class Source final : public AravisSource {
   uint64_t unusable_before_ = 0;
   AravisStatus counts_;
   gulong lost_handler_ = 0;
+  mutable Time ptp_asked_{};
+  mutable std::string ptp_state_;
   ObjectRef<ArvCamera> camera_;
   ObjectRef<ArvStream> stream_;
   std::shared_ptr<AravisBuffers> buffers_;
@@ -259,6 +263,16 @@ FramePtr Source::make_frame(const FrameInfo& info, ArvBuffer* buffer,
   return frame;
 }
 
+// Asks the camera, which takes a moment: not more often than now and then, and not a silent one.
+std::string Source::ptp() const {
+  const Time now = MonotonicClock::now();
+  if (ptp_ && !gone_ && now >= ptp_asked_ + kPtpInterval && now - last_frame_ < kTurn * 5) {
+    ptp_asked_ = now;
+    ptp_state_ = ptp_state(camera_.get());
+  }
+  return ptp_state_;
+}
+
 AravisStatus Source::status() const {
   AravisStatus status = counts_;
   guint64 completed = 0, failures = 0, underruns = 0;
@@ -278,7 +292,7 @@ AravisStatus Source::status() const {
   status.device_id = device_id_;
   status.pixel_format = settings_.format->name;
   status.packet_size = settings_.packet_size;
-  if (ptp_ && !gone_) status.ptp = ptp_state(camera_.get());
+  status.ptp = ptp();
   return status;
 }
 
@@ -300,9 +314,9 @@ Status check(const AravisOptions& options, const std::string& name) {
     return make_error(ErrorCode::kInvalidInput, name, "no size {}x{}: give width and height, or 0",
                       options.width, options.height);
   }
-  if (options.packet_size != 0 && (options.packet_size < 220 || options.packet_size > 16404)) {
+  if (options.packet_size != 0 && (options.packet_size < 576 || options.packet_size > 65535)) {
     return make_error(ErrorCode::kInvalidInput, name,
-                      "no packets of {} bytes: 220 to 16404, or 0 for as large as the way allows",
+                      "no packets of {} bytes: 576 to 65535, or 0 for as large as the way allows",
                       options.packet_size);
   }
   return {};
