@@ -1,0 +1,196 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A small client of the V4L2 source, for tests in a guest with real drivers. Prints what happens,
+// one event a line, and counts at the end.
+//
+//     capture_probe list
+//     capture_probe formats DEVICE WxH     grabs in every format and compares 75 % colour bars
+//     capture_probe stream DEVICE FORMAT WxH SECONDS
+//                                          streams, opens again after errors
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <iterator>
+#include <set>
+#include <string>
+#include <thread>
+
+#include "sightline/base/time.hpp"
+#include "sightline/capture/device_info.hpp"
+#include "sightline/capture/v4l2_source.hpp"
+
+namespace {
+
+using namespace sightline;
+using namespace std::chrono_literals;
+
+constexpr int kStripes = 8;
+constexpr int kTolerance = 8;
+
+using Colour = std::array<double, 3>;
+using Stripes = std::array<Colour, kStripes>;
+
+// 75 % bars: white, yellow, cyan, green, magenta, red, blue, black; limited range.
+Stripes bars(const Colour& weights) {
+  constexpr std::array<std::array<double, 3>, kStripes> kRgb = {
+      {{1, 1, 1}, {1, 1, 0}, {0, 1, 1}, {0, 1, 0}, {1, 0, 1}, {1, 0, 0}, {0, 0, 1}, {0, 0, 0}}};
+  Stripes stripes{};
+  for (size_t i = 0; i < kStripes; ++i) {
+    const double r = 0.75 * kRgb[i][0], g = 0.75 * kRgb[i][1], b = 0.75 * kRgb[i][2];
+    const double y = weights[0] * r + weights[1] * g + weights[2] * b;
+    stripes[i] = {16 + 219 * y, 128 + 224 * 0.5 / 0.886 * (b - y),
+                  128 + 224 * 0.5 / 0.701 * (r - y)};
+  }
+  return stripes;
+}
+
+double mean(const PlaneView& plane, int stripe) {
+  const int middle = (2 * stripe + 1) * plane.width / (2 * kStripes), half = plane.width / 64;
+  double sum = 0;
+  int count = 0;
+  // The driver writes text into the upper half.
+  for (int y = plane.height * 3 / 4; y < plane.height - 4; ++y) {
+    for (int x = middle - half; x <= middle + half; ++x, ++count) sum += plane.row(y)[x];
+  }
+  return sum / count;
+}
+
+double worst_difference(const I420View& picture, bool colour) {
+  // vivid's grey is the luminance of BT.709.
+  const Stripes expected = colour ? bars({0.299, 0.587, 0.114}) : bars({0.2126, 0.7152, 0.0722});
+  double worst = 0;
+  for (int i = 0; i < kStripes; ++i) {
+    const auto& [y, u, v] = expected[static_cast<size_t>(i)];
+    worst = std::max(worst, std::abs(mean(picture.y, i) - y));
+    if (!colour) continue;
+    worst = std::max(worst, std::abs(mean(picture.u, i) - u));
+    worst = std::max(worst, std::abs(mean(picture.v, i) - v));
+  }
+  return worst;
+}
+
+long open_files() {
+  return std::distance(std::filesystem::directory_iterator("/proc/self/fd"),
+                       std::filesystem::directory_iterator());
+}
+
+int list() {
+  const auto devices = list_v4l2();
+  if (!devices) return std::puts(devices.error().message().c_str()), 1;
+  for (const DeviceInfo& device : *devices) {
+    std::printf("%s | %s | %s | %s | %zu modes %s\n", device.id.c_str(), device.model.c_str(),
+                device.serial.c_str(), device.where.c_str(), device.formats.size(),
+                device.note.c_str());
+  }
+  return 0;
+}
+
+bool check_format(V4l2Options options, const std::string& format) {
+  options.format = format;
+  auto source = open_v4l2_source(options, CameraId(0), "probe");
+  if (!source) return std::printf("FAIL %s\n", source.error().message().c_str()), false;
+  FramePtr frame;
+  for (int i = 0; i < 5; ++i) {
+    const auto step = (*source)->next({}, 5s);
+    if (!step) return std::printf("FAIL %s\n", step.error().message().c_str()), false;
+    if (step->frame) frame = step->frame;
+  }
+  if (!frame) return std::printf("FAIL %s: no frame\n", format.c_str()), false;
+  const bool grey = format == "GREY" || format.starts_with("Y1");
+  const double worst = worst_difference(frame->i420(), !grey);
+  std::printf("%s %s differs by %.1f, dmabuf %s\n", worst <= kTolerance ? "ok" : "FAIL",
+              format.c_str(), worst, frame->payload().dmabuf_fd >= 0 ? "yes" : "no");
+  return worst <= kTolerance;
+}
+
+void set_size(V4l2Options& options, const char* size) {
+  if (std::sscanf(size, "%dx%d", &options.width, &options.height) != 2) std::exit(2);
+}
+
+int formats(const char* device, const char* size) {
+  V4l2Options options;
+  options.device = device;
+  set_size(options, size);
+  static const std::set<std::string> kKnown = {
+      "YUYV",    "UYVY",    "NV12",    "YUV420",  "GREY",    "Y10",     "Y12",     "Y16",
+      "RGB24",   "BGR24",   "SRGGB8",  "SGRBG8",  "SGBRG8",  "SBGGR8",  "SRGGB10", "SGRBG10",
+      "SGBRG10", "SBGGR10", "SRGGB12", "SGRBG12", "SGBRG12", "SBGGR12", "SRGGB16"};
+  const auto devices = list_v4l2();
+  std::set<std::string> offered;
+  for (const DeviceInfo& info : devices ? *devices : std::vector<DeviceInfo>()) {
+    if (!info.where.starts_with(device)) continue;
+    for (const FormatInfo& format : info.formats) offered.insert(format.pixel_format);
+  }
+  int good = 0, bad = 0;
+  for (const std::string& format : offered) {
+    if (kKnown.contains(format)) ++(check_format(options, format) ? good : bad);
+  }
+  std::printf("formats good=%d bad=%d\n", good, bad);
+  return good == 0 || bad > 0;
+}
+
+int stream(const char* device, const char* format, const char* size, double seconds) {
+  V4l2Options options;
+  options.device = device;
+  options.format = format;
+  options.counters = std::make_shared<CaptureCounters>();
+  set_size(options, size);
+  const Time end = MonotonicClock::now() + from_seconds(seconds);
+  std::string last_error;
+  const auto report = [&](const Error& error) {
+    if (error.message() != last_error) std::printf("error: %s\n", error.message().c_str());
+    last_error = error.message();
+    std::this_thread::sleep_for(250ms);
+  };
+  Duration worst_error{0}, worst_age{0};
+  while (MonotonicClock::now() < end) {
+    auto source = open_v4l2_source(options, CameraId(0), "probe");
+    if (!source) {
+      report(source.error());
+      continue;
+    }
+    ++options.epoch;
+    bool first = true;
+    while (MonotonicClock::now() < end) {
+      auto step = (*source)->next({}, 200ms);
+      if (!step) {
+        source->reset();  // before the wait: a device that is held keeps its number
+        report(step.error());
+        break;
+      }
+      if (!step->frame) continue;
+      if (first) std::printf("streaming: epoch %u\n", options.epoch);
+      first = false;
+      last_error.clear();
+      const FrameInfo& info = step->frame->info();
+      worst_error = std::max(worst_error, info.capture_error);
+      worst_age = std::max(worst_age, info.arrival - info.capture);
+    }
+  }
+  const CaptureCounters& c = *options.counters;
+  std::printf("files=%ld\n", open_files());
+  std::printf(
+      "end: good=%lu damaged=%lu lost=%lu copied=%lu rejected=%lu openings=%u bound_ms=%.1f "
+      "age_ms=%.1f\n",
+      c.good.value(), c.damaged.value(), c.lost.value(), c.copied.value(), c.stamp_rejected.value(),
+      options.epoch, to_seconds(worst_error) * 1e3, to_seconds(worst_age) * 1e3);
+  return c.good.value() == 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  std::setvbuf(stdout, nullptr, _IOLBF, 0);
+  const std::string what = argc > 1 ? argv[1] : "";
+  if (what == "list") return list();
+  if (what == "formats" && argc == 4) return formats(argv[2], argv[3]);
+  if (what == "stream" && argc == 6) {
+    return stream(argv[2], argv[3], argv[4], std::atof(argv[5]));
+  }
+  std::fputs("usage: see the head of capture_probe.cpp\n", stderr);
+  return 2;
+}
