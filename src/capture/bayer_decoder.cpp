@@ -33,6 +33,16 @@ void unpack_words(const uint8_t* from, int width, unsigned shift, uint8_t* to) {
   }
 }
 
+// Groups of `Pixels` samples in `Bytes` bytes: the high bytes come first.
+template <int Pixels, int Bytes>
+void unpack_groups(const uint8_t* from, int width, uint8_t* to) {
+  const int whole = width / Pixels;
+  for (int group = 0; group < whole; ++group) {
+    std::memcpy(to + group * Pixels, from + group * Bytes, Pixels);
+  }
+  for (int x = whole * Pixels; x < width; ++x) to[x] = from[whole * Bytes + x % Pixels];
+}
+
 }  // namespace
 
 size_t bayer_row_bytes(BayerPacking packing, int width) {
@@ -61,11 +71,9 @@ void unpack_bayer_row(BayerPacking packing, const uint8_t* from, int width, uint
     case BayerPacking::k16:
       return unpack_words(from, width, 8, to);
     case BayerPacking::kPacked10:
-      for (int x = 0; x < width; ++x) to[x] = from[x / 4 * 5 + x % 4];
-      return;
+      return unpack_groups<4, 5>(from, width, to);
     case BayerPacking::kPacked12:
-      for (int x = 0; x < width; ++x) to[x] = from[x / 2 * 3 + x % 2];
-      return;
+      return unpack_groups<2, 3>(from, width, to);
   }
 }
 

@@ -184,9 +184,10 @@ Status set_v4l2_controls(const V4l2Device& device,
   std::vector<std::pair<const Control*, const V4l2ControlValue*>> chosen;
   bool names_frame_rate_control = false;
   for (const auto& [name, value] : controls) {
-    const auto found = std::find_if(offered.begin(), offered.end(), [&](const Control& control) {
-      return control.name == plain_name(name);
-    });
+    const std::string plain = plain_name(name);
+    const auto found =
+        std::find_if(offered.begin(), offered.end(),
+                     [&plain](const Control& control) { return control.name == plain; });
     if (found == offered.end()) return no_such_control(device, name, offered);
     names_frame_rate_control |= found->query.id == V4L2_CID_EXPOSURE_AUTO_PRIORITY;
     chosen.emplace_back(&*found, &value);

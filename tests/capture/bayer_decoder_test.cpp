@@ -101,6 +101,17 @@ TEST(Bayer, RefusesTooFewBytes) {
   EXPECT_THAT(decoder.decode(bytes, kWidth, picture.mutable_view()), FailsWith("are needed"));
 }
 
+TEST(Bayer, PackedRowsMayEndWithinAGroup) {
+  const std::vector<uint8_t> samples = {10, 20, 30, 40, 50, 60, 70};
+  for (const BayerPacking packing : {BayerPacking::kPacked10, BayerPacking::kPacked12}) {
+    const auto bytes = pack(samples, packing);
+    EXPECT_GE(bayer_row_bytes(packing, 7), bytes.size());
+    std::vector<uint8_t> out(samples.size());
+    unpack_bayer_row(packing, bytes.data(), 7, out.data());
+    EXPECT_EQ(out, samples);
+  }
+}
+
 TEST(Bayer, ValuesAboveTheirBitsSaturate) {
   const std::vector<uint8_t> wild = {0xff, 0xff, 0xff, 0x0f};
   std::array<uint8_t, 2> out{};
