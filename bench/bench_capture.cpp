@@ -8,6 +8,8 @@
 #include <vector>
 
 #include "bayer_decoder.hpp"
+#include "genicam_formats.hpp"
+#include "genicam_picture.hpp"
 #include "mjpeg_decoder.hpp"
 #include "sightline/image/convert.hpp"
 #include "sightline/image/picture.hpp"
@@ -61,6 +63,18 @@ void mjpeg(benchmark::State& state, int sampling) {
   tjDestroy(turbo);
 }
 
+// GigE Vision and USB3 Vision: what these formats add (unpacking) included.
+void genicam(benchmark::State& state, const char* name) {
+  const GenicamFormat& format = *find_genicam_format(name);
+  GenicamPicture picture(format, kWidth, kHeight, 0);
+  const auto bytes = content(picture.bytes_needed());
+  FrameInfo info;
+  for (auto _ : state) {
+    const FramePtr frame = picture.frame(info, bytes, nullptr);
+    benchmark::DoNotOptimize(frame->i420().y.data);
+  }
+}
+
 BENCHMARK_CAPTURE(raw, i420, PixelFormat::kI420);
 BENCHMARK_CAPTURE(raw, nv12, PixelFormat::kNv12);
 BENCHMARK_CAPTURE(raw, yuyv, PixelFormat::kYuyv);
@@ -71,6 +85,12 @@ BENCHMARK_CAPTURE(raw, rgb24, PixelFormat::kRgb24);
 BENCHMARK_CAPTURE(bayer, srggb8, BayerPacking::k8);
 BENCHMARK_CAPTURE(bayer, srggb12, BayerPacking::k12);
 BENCHMARK_CAPTURE(bayer, srggb10p, BayerPacking::kPacked10);
+BENCHMARK_CAPTURE(genicam, mono8, "Mono8");
+BENCHMARK_CAPTURE(genicam, mono12packed, "Mono12Packed");
+BENCHMARK_CAPTURE(genicam, mono10p, "Mono10p");
+BENCHMARK_CAPTURE(genicam, mono12p, "Mono12p");
+BENCHMARK_CAPTURE(genicam, bayerrg8, "BayerRG8");
+BENCHMARK_CAPTURE(genicam, bayerrg12p, "BayerRG12p");
 BENCHMARK_CAPTURE(mjpeg, mjpeg_420, TJSAMP_420);
 BENCHMARK_CAPTURE(mjpeg, mjpeg_422, TJSAMP_422);
 
