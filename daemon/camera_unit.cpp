@@ -6,7 +6,6 @@
 
 #include "sightline/base/log.hpp"
 #include "sightline/base/thread.hpp"
-#include "sightline/image/convert.hpp"
 
 namespace sightline {
 
@@ -289,7 +288,9 @@ void CameraUnit::draw_no_signal(Time since) {
 void CameraUnit::draw_one(const FramePtr& frame, CameraRenderer& renderer) {
   const Time start = MonotonicClock::now();
   std::shared_ptr<Picture> picture = pictures_.get();
-  copy_i420(frame->i420(), picture->mutable_view());
+  // The observer needs the shared picture anyway.
+  if (parts_.observer) frame->i420();
+  frame->copy_i420_to(picture->mutable_view());
   parts_.board->read(draw_tracks_);
   annotated_.frame = frame->info();
   renderer.draw(picture->mutable_view(), frame->info().capture, draw_tracks_, annotated_.poses);

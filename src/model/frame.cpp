@@ -63,8 +63,21 @@ I420View Frame::i420() const {
         raw_to_i420(info_.format, payload_.bytes, payload_.stride, picture->mutable_view());
     SL_CHECK(status.has_value(), "raw() checked the sizes");
     picture_ = std::move(picture);
+    picture_made_.store(true, std::memory_order_release);
   });
   return picture_ ? picture_->view() : planes_of(info_, payload_);
+}
+
+void Frame::copy_i420_to(const MutableI420View& to) const {
+  SL_CHECK(to.y.width == info_.width && to.y.height == info_.height,
+           "frame and picture differ in size");
+  const bool there = decoded_ || info_.format == PixelFormat::kI420;
+  if (there || picture_made_.load(std::memory_order_acquire)) {
+    copy_i420(i420(), to);
+    return;
+  }
+  const Status status = raw_to_i420(info_.format, payload_.bytes, payload_.stride, to);
+  SL_CHECK(status.has_value(), "raw() checked the sizes");
 }
 
 PlaneView Frame::grey() const {

@@ -65,6 +65,30 @@ TEST(Frame, ConvertsOnceOnDemand) {
   EXPECT_EQ(half.row(0)[0], (0 + 2 + 16 + 18 + 2) / 4);
 }
 
+TEST(Frame, CopiesStraightFromTheCamerasBytes) {
+  const auto luma_sum = [](const Picture& picture) {
+    unsigned sum = 0;
+    for (int y = 0; y < picture.height(); ++y) {
+      for (int x = 0; x < picture.width(); ++x) sum = sum * 31 + picture.view().y.row(y)[x];
+    }
+    return sum;
+  };
+  for (const PixelFormat format : {PixelFormat::kYuyv, PixelFormat::kI420, PixelFormat::kGrey}) {
+    auto gone = std::make_shared<bool>(false);
+    auto pool = std::make_shared<PicturePool>(8, 6);
+    const FramePtr frame = Frame::raw(info_of(format, 8, 6),
+                                      payload_of(*raw_picture_bytes(format, 8, 6, 0), gone), pool);
+    Picture straight(8, 6), shared(8, 6);
+    frame->copy_i420_to(straight.mutable_view());
+    EXPECT_EQ(pool->allocated(), 0u);
+    copy_i420(frame->i420(), shared.mutable_view());
+    EXPECT_EQ(luma_sum(straight), luma_sum(shared));
+    Picture again(8, 6);
+    frame->copy_i420_to(again.mutable_view());
+    EXPECT_EQ(luma_sum(again), luma_sum(shared));
+  }
+}
+
 TEST(Frame, GreyOfPlanarPayloadsIsThePayload) {
   for (const PixelFormat format : {PixelFormat::kGrey, PixelFormat::kI420, PixelFormat::kNv12}) {
     auto gone = std::make_shared<bool>(false);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <mutex>
@@ -67,6 +68,9 @@ class Frame {
 
   /// The picture in I420, made once and shared; render copies it, never draws into it.
   I420View i420() const;
+  /// Writes the picture into `to` (same size). Taken from the shared picture if that has been made,
+  /// else straight from the camera's bytes, without making it: each pixel is touched once.
+  void copy_i420_to(const MutableI420View& to) const;
   /// The luma plane (of a grey or planar payload without conversion, so grey is full range there).
   PlaneView grey() const;
   /// grey() at half size (width/2 x height/2), made once and shared.
@@ -83,6 +87,7 @@ class Frame {
   mutable std::once_flag picture_once_, half_once_;
   mutable std::shared_ptr<const Picture> picture_;
   mutable std::shared_ptr<const Picture> half_;
+  mutable std::atomic<bool> picture_made_{false};
 };
 
 }  // namespace sightline
