@@ -244,6 +244,10 @@ Result<AravisSettings> configure_aravis(ArvCamera* camera, const AravisOptions& 
   SL_RETURN_IF_ERROR(set_rate(camera, options, name));
   SL_RETURN_IF_ERROR(set_ptp(camera, options, name));
   SL_RETURN_IF_ERROR(set_transport(camera, options, name));
+  // Left on by another program, it would put data behind, or in place of, the picture.
+  if (has(camera, "ChunkModeActive")) {
+    ask(0, [&](GError** e) { return arv_camera_set_chunk_mode(camera, FALSE, e), 0; });
+  }
   SL_RETURN_IF_ERROR(attempt(name, "choose continuous acquisition", [&](GError** e) {
     arv_camera_set_acquisition_mode(camera, ARV_ACQUISITION_MODE_CONTINUOUS, e);
   }));
