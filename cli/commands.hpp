@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <optional>
+#include <string>
 
 namespace sightline::cli {
 
@@ -40,5 +41,14 @@ struct RecordOptions {
   std::optional<double> seconds;  ///< stop by itself
 };
 int record(const RecordOptions& options);
+
+struct CamerasOptions {
+  std::string source;            ///< to be tried; empty: list what is plugged in
+  std::filesystem::path config;  ///< then `source` is the name of a camera in it
+  std::filesystem::path save;    ///< PNG of the newest frame
+  double seconds = 5;
+  bool json = false;
+};
+int cameras(const CamerasOptions& options);
 
 }  // namespace sightline::cli

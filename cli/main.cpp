@@ -60,6 +60,19 @@ int run(int argc, char** argv) {
       record_command->add_option("--seconds", seconds, "stop after so long (default: Ctrl-C)")
           ->check(CLI::PositiveNumber);
 
+  cli::CamerasOptions cameras;
+  auto* cameras_command = app.add_subcommand("cameras", "list what is plugged in, or try a camera");
+  auto* try_option = cameras_command->add_option(
+      "--try", cameras.source, "grab from this source (or camera of --config) and measure");
+  cameras_command->add_option("--config", cameras.config, "installation file that has the camera")
+      ->needs(try_option);
+  cameras_command->add_option("--seconds", cameras.seconds, "how long (default 5)")
+      ->check(CLI::Range(0.1, 86400.0))
+      ->needs(try_option);
+  cameras_command->add_option("--save", cameras.save, "write the last picture as PNG")
+      ->needs(try_option);
+  cameras_command->add_flag("--json", cameras.json, "as JSON");
+
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -70,6 +83,7 @@ int run(int argc, char** argv) {
 
   if (check_command->parsed()) return cli::check(check);
   if (evaluate_command->parsed()) return cli::evaluate(evaluate);
+  if (cameras_command->parsed()) return cli::cameras(cameras);
   if (replay_command->parsed()) return cli::replay(replay);
   return cli::record(record);
 }

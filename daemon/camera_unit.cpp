@@ -93,6 +93,12 @@ CameraUnit::CameraUnit(CameraParts parts, Registry& registry)
                                    camera_labels(parts_.name))),
       present_gauge_(registry.gauge("sightline_camera_present",
                                     "1 while the source is open and frames come, else 0",
+                                    camera_labels(parts_.name))),
+      rate_(registry.gauge("sightline_frame_rate_hertz",
+                           "Frames that come, averaged over about a second",
+                           camera_labels(parts_.name))),
+      capture_error_(registry.gauge("sightline_capture_error_seconds",
+                                    "Bound on the error of the newest capture time; 0: not known",
                                     camera_labels(parts_.name))) {
   signal_.set_rate(parts_.rate_hz);
 }
@@ -115,7 +121,8 @@ void CameraUnit::set_renderer(std::unique_ptr<CameraRenderer> renderer) {
   next_renderer_ = std::move(renderer);
 }
 
-void CameraUnit::note_problem(const char* cause, const std::string& problem) {
+void CameraUnit::note_problem(const char* cause, const Error& error) {
+  const std::string problem = error.where == parts_.name ? error.text : error.message();
   Labels labels = camera_labels(parts_.name);
   labels["cause"] = cause;
   registry_
@@ -128,6 +135,7 @@ void CameraUnit::note_problem(const char* cause, const std::string& problem) {
   if (problem != problem_) log::warning("{}: {}", parts_.name, problem);
   problem_ = problem;
   open_ = false;
+  rate_.set(0);
 }
 
 void CameraUnit::note_signal() {
@@ -151,7 +159,7 @@ std::unique_ptr<FrameSource> CameraUnit::open_or_wait(std::stop_token stop, Dura
     return *std::move(opened);
   }
   signal_.source_gone();
-  note_problem(cause_of(opened.error(), "absent"), opened.error().message());
+  note_problem(cause_of(opened.error(), "absent"), opened.error());
   sleep_unless_stopped(stop, backoff);
   backoff = std::min(backoff * 2, kLongestBackoff);
   return nullptr;
@@ -181,7 +189,7 @@ Result<SourceStep> CameraUnit::take(FrameSource& source, std::stop_token stop) {
 void CameraUnit::lose_source(std::unique_ptr<FrameSource>& source, const Error& error) {
   signal_.source_gone();
   source.reset();
-  note_problem(cause_of(error, "gone"), error.message());
+  note_problem(cause_of(error, "gone"), error);
 }
 
 void CameraUnit::capture(std::stop_token stop, Heartbeat& heartbeat) {
@@ -216,10 +224,7 @@ void CameraUnit::capture(std::stop_token stop, Heartbeat& heartbeat) {
 
 void CameraUnit::deliver(const FramePtr& frame) {
   const FrameInfo& info = frame->info();
-  frames_.add();
-  lost_.add(info.dropped_before);
-  last_arrival_ = info.arrival;
-  capture_age_.set(to_seconds(info.arrival - info.capture));
+  measure(info);
   if (parts_.on_frame) parts_.on_frame(frame);
   if (info.status == FrameStatus::kDamaged) {
     damaged_.add();
@@ -229,6 +234,19 @@ void CameraUnit::deliver(const FramePtr& frame) {
   note_signal();
   if (parts_.observer && observe_slot_.put(frame)) observe_dropped_.add();
   if (parts_.output && parts_.output->wanted() && draw_slot_.put(frame)) draw_dropped_.add();
+}
+
+void CameraUnit::measure(const FrameInfo& info) {
+  frames_.add();
+  lost_.add(info.dropped_before);
+  const Time last = last_arrival_.exchange(info.arrival);
+  capture_age_.set(to_seconds(info.arrival - info.capture));
+  capture_error_.set(to_seconds(info.capture_error));
+  const double step = to_seconds(info.arrival - last);
+  if (last == Time{} || step <= 0) return;
+  const double rate = 1 / step;
+  const double share = std::min(1.0, step);  // so that a second's frames weigh most
+  rate_.set(rate_.value() + share * (rate - rate_.value()));
 }
 
 void CameraUnit::observe(std::stop_token stop, Heartbeat& heartbeat) {
@@ -303,11 +321,14 @@ void CameraUnit::draw_one(const FramePtr& frame, CameraRenderer& renderer) {
 CameraStatus CameraUnit::status() const {
   CameraStatus status;
   status.frames = frames_.value();
+  status.lost = lost_.value();
+  status.capture_error_s = capture_error_.value();
   const Time arrival = last_arrival_;
   if (arrival != Time{}) status.frame_age_s = to_seconds(MonotonicClock::now() - arrival);
   const auto lost_since = signal_.lost_since(MonotonicClock::now());
   std::lock_guard lock(mutex_);
   status.present = open_ && (ended_ || !lost_since);
+  status.rate_hz = status.present ? rate_.value() : 0;
   if (!status.present) status.lost_since = lost_since.value_or(MonotonicClock::now());
   status.ended = ended_;
   status.problem = problem_;

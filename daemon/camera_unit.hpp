@@ -45,9 +45,12 @@ struct CameraStatus {
   bool present = false;  ///< the source is open, and frames come
   bool ended = false;    ///< a recording that does not loop has been played
   uint64_t frames = 0;
-  double frame_age_s = -1;  ///< since the newest frame arrived; -1: none yet
-  std::string problem;      ///< why the source is not there
-  Time lost_since{};        ///< without signal: when the last frame came, or the unit started
+  double frame_age_s = -1;     ///< since the newest frame arrived; -1: none yet
+  double rate_hz = 0;          ///< of the frames that come, averaged over about a second
+  double capture_error_s = 0;  ///< bound on the error of the newest capture time; 0: not known
+  uint64_t lost = 0;           ///< frames that did not reach us
+  std::string problem;         ///< why the source is not there
+  Time lost_since{};           ///< without signal: when the last frame came, or the unit started
 };
 
 /// One camera: the threads that capture ("cap:NAME"), observe ("obs:NAME") and draw ("draw:NAME"),
@@ -74,6 +77,7 @@ class CameraUnit {
 
   void capture(std::stop_token stop, Heartbeat& heartbeat);
   void deliver(const FramePtr& frame);
+  void measure(const FrameInfo& info);
   void observe(std::stop_token stop, Heartbeat& heartbeat);
   void draw(std::stop_token stop, Heartbeat& heartbeat);
   void draw_one(const FramePtr& frame, CameraRenderer& renderer);
@@ -82,7 +86,7 @@ class CameraUnit {
   /// One turn with an open source; an Error if it is of no use any more.
   Result<SourceStep> take(FrameSource& source, std::stop_token stop);
   void lose_source(std::unique_ptr<FrameSource>& source, const Error& error);
-  void note_problem(const char* cause, const std::string& problem);
+  void note_problem(const char* cause, const Error& error);
   void note_signal();
 
   CameraParts parts_;
@@ -92,7 +96,7 @@ class CameraUnit {
 
   Registry& registry_;
   Counter &frames_, &lost_, &damaged_, &reopened_, &observe_dropped_, &draw_dropped_;
-  Gauge &capture_age_, &draw_seconds_, &present_gauge_;
+  Gauge &capture_age_, &draw_seconds_, &present_gauge_, &rate_, &capture_error_;
 
   mutable std::mutex mutex_;  // guards the four below
   std::unique_ptr<CameraRenderer> next_renderer_;

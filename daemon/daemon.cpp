@@ -77,7 +77,7 @@ Result<CameraParts> Daemon::prepare(const Installation& installation, const Rig&
   parts.width = config.calibration.model.width();
   parts.height = config.calibration.model.height();
   parts.rate_hz = config.rate_hz;
-  parts.reopen_when_stalled = config.recording.empty();
+  parts.reopen_when_stalled = config.source != SourceKind::kReplay;
   if (observes(config.role)) {
     SL_ASSIGN(parts.observer, make_observer(installation, rig, id));
   }
@@ -86,7 +86,7 @@ Result<CameraParts> Daemon::prepare(const Installation& installation, const Rig&
     parts.card = NoSignalCard::create(parts.width, parts.height, installation.render.font_file);
   }
   const bool payload = installation.record.enabled || !options_.record_to.empty();
-  parts.open_source = [this, config, id, payload] { return replays_.open(config, id, payload); };
+  parts.open_source = sources_.opener(config, id, payload);
   return parts;
 }
 
@@ -107,7 +107,7 @@ Status Daemon::start_recorder(const Installation& installation) {
   options.name = installation.name;
   options.raw_storage = installation.record.raw_storage;
   for (const CameraConfig& camera : installation.cameras) {
-    SL_ASSIGN(const PixelFormat format, replays_.payload_format(camera));
+    SL_ASSIGN(const PixelFormat format, sources_.payload_format(camera));
     options.cameras.push_back(
         {camera.name, format, camera.calibration.model.width(), camera.calibration.model.height()});
   }

@@ -12,12 +12,12 @@
 #include "fusion_unit.hpp"
 #include "heartbeat.hpp"
 #include "recorder_unit.hpp"
-#include "replay_library.hpp"
 #include "rig.hpp"
 #include "sightline/base/counters.hpp"
 #include "sightline/config/installation.hpp"
 #include "sightline/control/http_server.hpp"
 #include "sightline/stream/rtsp_server.hpp"
+#include "source_factory.hpp"
 #include "stream_output.hpp"
 
 namespace sightline {
@@ -84,7 +84,7 @@ class Daemon {
   const DaemonOptions options_;
   Registry registry_;
   HeartbeatBoard beats_;
-  ReplayLibrary replays_;
+  SourceFactory sources_{registry_};
 
   mutable std::mutex mutex_;  // guards what follows against readers during a reload
   Installation installation_;

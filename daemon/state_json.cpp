@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "state_json.hpp"
 
+#include <cmath>
 #include <ctime>
 #include <nlohmann/json.hpp>
 #include <numbers>
@@ -23,6 +24,9 @@ Json camera_json(const CameraState& camera) {
   Json json{{"name", camera.name},
             {"present", camera.status.present},
             {"frames", camera.status.frames},
+            {"frames_lost", camera.status.lost},
+            {"rate_hz", std::round(camera.status.rate_hz * 100) / 100},
+            {"capture_error_s", camera.status.capture_error_s},
             {"viewers", camera.viewers}};
   if (camera.status.frame_age_s >= 0) json["frame_age_s"] = camera.status.frame_age_s;
   if (!camera.url.empty()) json["url"] = camera.url;

@@ -69,6 +69,11 @@ Result<NetworkUrl> parse_network_url(const std::string& url, const std::string& 
   return parsed;
 }
 
+Status check_network_url(const std::string& url) {
+  SL_RETURN_IF_ERROR(parse_network_url(url, ""));
+  return {};
+}
+
 std::string url_for_messages(const std::string& url) {
   const auto parsed = parse_network_url(url, "");
   return parsed ? parsed->shown : "(no address)";

@@ -37,6 +37,13 @@ class SectionPrinter {
   void choice(std::string_view key, Value field, const Known&) {
     put(key, static_cast<int>(field));
   }
+  void seconds(std::string_view key, Duration field, double, double) { put(key, field.count()); }
+  void controls(std::string_view key, const std::map<std::string, V4l2ControlValue>& field) {
+    for (const auto& [name, value] : field) {
+      const std::string full = fmt::format("{}.{}", key, name);
+      std::visit([&](const auto& v) { put(full, v); }, value);
+    }
+  }
   void color(std::string_view key, Rgb c) { put(key, fmt::format("{} {} {}", c.r, c.g, c.b)); }
   void styles(std::string_view key, OverlayStyle& style) {
     for (const std::string_view name : style_names()) put(key, *style_flag(style, name));
@@ -72,9 +79,15 @@ bool same_calibration(const CalibratedCamera& a, const CalibratedCamera& b) {
          a.rms_px == b.rms_px;
 }
 
+bool same_source(const CameraConfig& a, const CameraConfig& b) {
+  return a.source == b.source && a.network.url == b.network.url && a.aravis.id == b.aravis.id &&
+         a.v4l2.device == b.v4l2.device && !differ(a.network, b.network) &&
+         !differ(a.aravis, b.aravis) && !differ(a.v4l2, b.v4l2);
+}
+
 bool same_camera(const CameraConfig& a, const CameraConfig& b) {
-  return a.recording == b.recording && a.recorded_as == b.recorded_as && a.loop == b.loop &&
-         a.rate_hz == b.rate_hz && a.role == b.role &&
+  return same_source(a, b) && a.recording == b.recording && a.recorded_as == b.recorded_as &&
+         a.loop == b.loop && a.rate_hz == b.rate_hz && a.role == b.role &&
          same_calibration(a.calibration, b.calibration);
 }
 

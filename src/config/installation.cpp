@@ -22,6 +22,73 @@ namespace fs = std::filesystem;
 constexpr size_t kMostCameras = 64;  // bits of a CameraSet
 constexpr size_t kMostObjects = 255;
 constexpr std::string_view kReplayScheme = "replay:";
+constexpr std::string_view kAravisScheme = "aravis:";
+constexpr std::string_view kV4l2Scheme = "v4l2:";
+
+// Notes the keys that exist for some kind of source, so that one at the wrong kind is told so.
+class KeyList {
+ public:
+  explicit KeyList(std::vector<std::string>& keys) : keys_(keys) {}
+  template <typename... Rest>
+  void flag(std::string_view key, Rest&&...) {
+    add(key);
+  }
+  template <typename... Rest>
+  void integer(std::string_view key, Rest&&...) {
+    add(key);
+  }
+  template <typename... Rest>
+  void number(std::string_view key, Rest&&...) {
+    add(key);
+  }
+  template <typename... Rest>
+  void seconds(std::string_view key, Rest&&...) {
+    add(key);
+  }
+  template <typename... Rest>
+  void text(std::string_view key, Rest&&...) {
+    add(key);
+  }
+  template <typename... Rest>
+  void choice(std::string_view key, Rest&&...) {
+    add(key);
+  }
+  template <typename... Rest>
+  void controls(std::string_view key, Rest&&...) {
+    add(key);
+  }
+
+ private:
+  void add(std::string_view key) { keys_.emplace_back(key); }
+  std::vector<std::string>& keys_;
+};
+
+template <typename Options>
+std::vector<std::string> keys_of() {
+  std::vector<std::string> keys;
+  KeyList list(keys);
+  Options options;
+  config::visit(list, options);
+  return keys;
+}
+
+std::vector<std::string> all_source_keys() {
+  std::vector<std::string> all{"loop", "recorded_as"};
+  for (const auto& keys :
+       {keys_of<NetworkOptions>(), keys_of<AravisOptions>(), keys_of<V4l2Options>()}) {
+    all.insert(all.end(), keys.begin(), keys.end());
+  }
+  std::sort(all.begin(), all.end());
+  all.erase(std::unique(all.begin(), all.end()), all.end());
+  return all;
+}
+
+bool is_network_address(const std::string& source) {
+  for (const std::string_view scheme : {"rtsp://", "rtsps://", "http://", "https://"}) {
+    if (source.starts_with(scheme)) return true;
+  }
+  return false;
+}
 
 // Reads one installation; its methods follow the file from top to bottom.
 class InstallationReader {
@@ -67,6 +134,12 @@ class InstallationReader {
   void read_cameras();
   void read_camera(TomlTable table);
   void read_source(TomlTable& table, CameraConfig& camera);
+  void read_recorded_source(TomlTable& table, CameraConfig& camera, const std::string& folder);
+  template <typename Options>
+  void read_live_source(TomlTable& table, CameraConfig& camera, Options& options);
+  static void refuse_other_keys(TomlTable& table, const std::vector<std::string>& own,
+                                std::string_view kind);
+  static void allow_all_source_keys(TomlTable& table);
   void check_recorded(TomlTable& table, const CameraConfig& camera);
   std::optional<CalibratedCamera> calibration_of(TomlTable& table, const std::string& name);
   void check_size(TomlTable& table, const CameraConfig& camera, bool calibrated);
@@ -186,25 +259,87 @@ void InstallationReader::read_camera(TomlTable table) {
 }
 
 void InstallationReader::read_source(TomlTable& table, CameraConfig& camera) {
+  if (!table.require("source", "where its pictures come from, as in \"v4l2:/dev/v4l/by-id/...\"")) {
+    allow_all_source_keys(table);
+    return;
+  }
+  const auto source = table.text("source");
+  if (!source) {
+    allow_all_source_keys(table);
+    return;
+  }
+  const std::string& text = source->text;
+  if (text.starts_with(kReplayScheme)) {
+    read_recorded_source(table, camera, text.substr(kReplayScheme.size()));
+  } else if (is_network_address(text)) {
+    camera.source = SourceKind::kNetwork;
+    camera.network.url = text;
+    if (const auto url = check_network_url(text); !url) table.problem("source", url.error().text);
+    read_live_source(table, camera, camera.network);
+  } else if (text.starts_with(kAravisScheme)) {
+    camera.source = SourceKind::kAravis;
+    camera.aravis.id = text.substr(kAravisScheme.size());
+    if (camera.aravis.id.empty()) {
+      table.problem("source",
+                    "\"aravis:\" wants a camera behind it, as `sightline cameras` names it");
+    }
+    camera.aravis.rate_hz = camera.rate_hz;
+    read_live_source(table, camera, camera.aravis);
+  } else if (text.starts_with(kV4l2Scheme)) {
+    camera.source = SourceKind::kV4l2;
+    camera.v4l2.device = text.substr(kV4l2Scheme.size());
+    if (camera.v4l2.device.empty()) {
+      table.problem("source",
+                    "\"v4l2:\" wants a camera behind it, as `sightline cameras` names it");
+    }
+    camera.v4l2.rate_hz = camera.rate_hz;
+    read_live_source(table, camera, camera.v4l2);
+  } else {
+    allow_all_source_keys(table);
+    // What has an @ may hold a password.
+    const bool quotable = text.find('@') == std::string::npos;
+    table.problem("source", fmt::format("{} is no source; known: replay:FOLDER (a recording), "
+                                        "v4l2:DEVICE, aravis:ID, rtsp://ADDRESS, http://ADDRESS",
+                                        quotable ? "\"" + text.substr(0, 200) + "\"" : "this"));
+  }
+}
+
+void InstallationReader::read_recorded_source(TomlTable& table, CameraConfig& camera,
+                                              const std::string& folder) {
   SectionReader reader(table, path_, files_);
   reader.flag("loop", camera.loop);
   reader.text("recorded_as", camera.recorded_as);
-  if (!table.require("source", "where its pictures come from, as in \"replay:FOLDER\"")) return;
-  const auto source = table.text("source");
-  if (!source) return;
-  if (!source->text.starts_with(kReplayScheme)) {
-    table.problem("source",
-                  fmt::format("\"{}\" is no source of this build; known: replay:FOLDER (a "
-                              "recording). Live cameras come with a later release",
-                              source->text.substr(0, 200)));
-    return;
-  }
-  const std::string folder = source->text.substr(kReplayScheme.size());
   if (folder.empty()) {
     table.problem("source", "\"replay:\" wants the folder of a recording behind it");
-    return;
+  } else {
+    camera.recording = config::resolve(path_, folder);
   }
-  camera.recording = config::resolve(path_, folder);
+  refuse_other_keys(table, {"loop", "recorded_as"}, "a recording");
+}
+
+/// The size is the calibration's: a picture of another one could not be drawn into.
+template <typename Options>
+void InstallationReader::read_live_source(TomlTable& table, CameraConfig& camera,
+                                          Options& options) {
+  SectionReader reader(table, path_, files_);
+  config::visit(reader, options);
+  options.width = camera.calibration.model.width();
+  options.height = camera.calibration.model.height();
+  refuse_other_keys(table, keys_of<Options>(), "this kind of source");
+}
+
+void InstallationReader::refuse_other_keys(TomlTable& table, const std::vector<std::string>& own,
+                                           std::string_view kind) {
+  for (const std::string& key : all_source_keys()) {
+    if (std::find(own.begin(), own.end(), key) == own.end()) {
+      table.refuse(key, fmt::format("is not for {}", kind));
+    }
+  }
+}
+
+// Which keys fit cannot be said while the source is wrong.
+void InstallationReader::allow_all_source_keys(TomlTable& table) {
+  for (const std::string& key : all_source_keys()) table.allow(key);
 }
 
 void InstallationReader::check_size(TomlTable& table, const CameraConfig& camera, bool calibrated) {

@@ -48,6 +48,15 @@ void SectionReader::directory(std::string_view key, std::filesystem::path& field
   }
 }
 
+void SectionReader::controls(std::string_view key, std::map<std::string, V4l2ControlValue>& field) {
+  auto table = table_.table(key);
+  if (!table) return;
+  for (const std::string& name : table->keys()) {
+    if (auto value = table->integer_or_text(name)) field[name] = *std::move(value);
+  }
+  table->finish();
+}
+
 void SectionReader::color(std::string_view key, Rgb& field) {
   const auto value = table_.text(key);
   if (!value) return;

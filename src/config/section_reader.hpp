@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -48,6 +49,13 @@ class SectionReader {
     table_.problem(key, fmt::format("expected one of{}, found {}", list, *value));
   }
 
+  /// A time in seconds.
+  void seconds(std::string_view key, Duration& field, double low, double high) {
+    if (const auto value = table_.number(key, low, high, "a time in seconds")) {
+      field = from_seconds(*value);
+    }
+  }
+
   void text(std::string_view key, std::string& field) {
     if (const auto value = table_.text(key)) field = value->text;
   }
@@ -71,6 +79,8 @@ class SectionReader {
         key, fmt::format("\"{}\" is not known{}", value->text, suggestion(value->text, names)));
   }
 
+  /// A table of numbers and texts.
+  void controls(std::string_view key, std::map<std::string, V4l2ControlValue>& field);
   void color(std::string_view key, Rgb& field);
   void styles(std::string_view key, OverlayStyle& style);
   void encoders(std::string_view key, std::vector<std::string>& field);

@@ -25,6 +25,51 @@ inline constexpr Choices<log::Level, 4> kLogLevels{{{"debug", log::Level::kDebug
 inline constexpr Choices<RawStorage, 2> kRawStorages{
     {{"raw", RawStorage::kRaw}, {"ffv1", RawStorage::kFfv1}}};
 
+inline constexpr Choices<RtspTransport, 3> kTransports{
+    {{"tcp", RtspTransport::kTcp}, {"udp", RtspTransport::kUdp}, {"auto", RtspTransport::kAuto}}};
+inline constexpr Choices<ExposureStamp, 2> kExposureStamps{
+    {{"start", ExposureStamp::kStart}, {"end", ExposureStamp::kEnd}}};
+
+/// The keys of a [[camera]] whose source is a network address. Its size is the calibration's.
+template <typename Visitor>
+void visit(Visitor& v, NetworkOptions& s) {
+  v.text("user", s.user);
+  v.text("password", s.password);
+  v.choice("transport", s.transport, kTransports);
+  v.integer("latency_ms", s.latency_ms, 0, 10000, "a time in milliseconds");
+  v.seconds("frame_timeout", s.frame_timeout, 0.1, 3600);
+}
+
+/// ... is "v4l2:DEVICE".
+template <typename Visitor>
+void visit(Visitor& v, V4l2Options& s) {
+  v.text("format", s.format);
+  v.integer("buffers", s.buffers, 4, 6, "a whole number of buffers");
+  v.controls("controls", s.controls);
+  v.seconds("frame_timeout", s.frame_timeout, 0.1, 3600);
+}
+
+/// ... is "aravis:ID".
+template <typename Visitor>
+void visit(Visitor& v, AravisOptions& s) {
+  v.text("format", s.pixel_format);
+  v.integer("offset_x", s.offset_x, 0, 65535, "a whole number of pixels");
+  v.integer("offset_y", s.offset_y, 0, 65535, "a whole number of pixels");
+  v.number("exposure_us", s.exposure_us, 1, 60e6, "a time in microseconds");
+  v.number("gain", s.gain, 0, 1000, "a gain in the camera's unit");
+  v.text("trigger", s.trigger);
+  v.choice("stamp", s.stamp, kExposureStamps);
+  v.number("transit_us", s.transit_us, 0, 1e6, "a time in microseconds");
+  v.integer("packet_size", s.packet_size, 576, 65535, "a whole number of bytes");
+  v.integer("packet_delay_ns", s.packet_delay_ns, 0, 1'000'000'000, "a time in nanoseconds");
+  v.flag("resend", s.resend);
+  v.integer("socket_buffer", s.socket_buffer, 1 << 16, 1 << 30, "a whole number of bytes");
+  v.flag("packet_socket", s.packet_socket);
+  v.flag("ptp", s.ptp);
+  v.integer("buffers", s.buffers, 4, 64, "a whole number of buffers");
+  v.seconds("frame_timeout", s.frame_timeout, 0.1, 3600);
+}
+
 template <typename Visitor>
 void visit(Visitor& v, OverlayStyle& s) {
   v.styles("styles", s);

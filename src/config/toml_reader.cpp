@@ -144,6 +144,12 @@ bool TomlTable::has(std::string_view key) const {
   return as_node(table_).as_table()->contains(key);
 }
 
+std::vector<std::string> TomlTable::keys() const {
+  std::vector<std::string> names;
+  for (const auto& [key, node] : *as_node(table_).as_table()) names.emplace_back(key.str());
+  return names;
+}
+
 Place TomlTable::place() const { return place_of(as_node(table_).source()); }
 
 Place TomlTable::place(std::string_view key) const {
@@ -208,6 +214,18 @@ std::optional<PlacedText> TomlTable::text(std::string_view key) {
     return PlacedText{value->get(), place_of(as_node(node).source())};
   }
   mistyped(key, node, "a text in quotes");
+  return std::nullopt;
+}
+
+std::optional<std::variant<int64_t, std::string>> TomlTable::integer_or_text(std::string_view key) {
+  const void* node = find(key);
+  if (node == nullptr) return std::nullopt;
+  using Value = std::variant<int64_t, std::string>;
+  if (const auto* number = as_node(node).as_integer()) return Value(number->get());
+  if (const auto* flag = as_node(node).as_boolean()) return Value(int64_t{flag->get() ? 1 : 0});
+  const auto* text = as_node(node).as_string();
+  if (text != nullptr && is_clean(text->get())) return Value(text->get());
+  mistyped(key, node, "a whole number, true, false or a text");
   return std::nullopt;
 }
 

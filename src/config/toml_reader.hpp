@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <variant>
 #include <vector>
 
 #include "sightline/base/result.hpp"
@@ -55,6 +56,8 @@ class TomlTable {
   /// Of the value; of the table if there is none.
   Place place(std::string_view key) const;
   bool has(std::string_view key) const;
+  /// All keys of this table, in the order of the alphabet.
+  std::vector<std::string> keys() const;
 
   std::optional<bool> flag(std::string_view key);
   /// `unit` stands in the message: "a whole number of frames between 1 and 1000".
@@ -63,6 +66,8 @@ class TomlTable {
   std::optional<double> number(std::string_view key, double low, double high,
                                std::string_view unit);
   std::optional<PlacedText> text(std::string_view key);
+  /// A whole number (true and false are 1 and 0) or a text.
+  std::optional<std::variant<int64_t, std::string>> integer_or_text(std::string_view key);
   std::optional<std::vector<PlacedText>> texts(std::string_view key);
   /// Exactly `count` finite numbers.
   std::optional<std::vector<double>> numbers(std::string_view key, size_t count);
@@ -76,6 +81,8 @@ class TomlTable {
                ErrorCode code = ErrorCode::kInvalidInput);
   /// Reports a key that must be there and is not; true if it is.
   bool require(std::string_view key, std::string_view what);
+  /// The key may be there, whatever its value.
+  void allow(std::string_view key) { (void)find(key); }
   /// Reports the key, if it is there, as known but not to be used.
   void refuse(std::string_view key, std::string_view why);
   /// Reports unknown keys, of this table only.

@@ -67,7 +67,9 @@ Status CameraFile::open_for(std::span<const uint8_t> bytes) {
 
 Status CameraFile::check_frame(const Frame& frame) const {
   const FrameInfo& info = frame.info();
-  const PixelFormat format = frame.payload().bytes.empty() ? PixelFormat::kI420 : info.format;
+  // Every frame can be had as I420: a live camera may choose its format when it is plugged in.
+  const bool as_i420 = camera_.format == PixelFormat::kI420 || frame.payload().bytes.empty();
+  const PixelFormat format = as_i420 ? PixelFormat::kI420 : info.format;
   if (info.width != camera_.width || info.height != camera_.height || format != camera_.format) {
     return make_error(ErrorCode::kInvalidInput, camera_.name,
                       "sends {} x {} pictures in {}, the recording was begun for {} x {} in {}",

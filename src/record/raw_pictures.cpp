@@ -74,7 +74,8 @@ Result<std::span<const uint8_t>> tight_raw_picture(const Frame& frame, PixelForm
   const FrameInfo& info = frame.info();
   const FramePayload& payload = frame.payload();
   scratch.clear();
-  if (payload.bytes.empty()) {
+  const bool other_payload = format == PixelFormat::kI420 && info.format != PixelFormat::kI420;
+  if (payload.bytes.empty() || other_payload) {
     pack_i420(frame.i420(), scratch);
     return std::span<const uint8_t>(scratch);
   }

@@ -31,6 +31,61 @@ Installation parsed(const std::string& text) {
   return *std::move(installation);
 }
 
+TEST(Installation, LiveSources) {
+  const std::string head = "calibration = \"calibration.toml\"\n";
+  const Installation installation = parsed(head + R"(
+[[camera]]
+name = "left"
+source = "v4l2:serial:A0"
+rate = 30
+format = "MJPEG"
+frame_timeout = 2.5
+[camera.controls]
+auto_exposure = "manual_mode"
+exposure_time_absolute = 80
+exposure_dynamic_framerate = false
+[[camera]]
+name = "right"
+source = "aravis:192.168.0.3"
+format = "BayerRG8"
+exposure_us = 5000
+gain = 3
+trigger = "Line1"
+ptp = true
+[[camera]]
+name = "side"
+source = "rtsp://me:secret@10.0.0.7/live"
+transport = "udp"
+latency_ms = 50
+)");
+  ASSERT_EQ(installation.cameras.size(), 3u);
+  const CameraConfig& left = installation.cameras[0];
+  EXPECT_EQ(left.source, SourceKind::kV4l2);
+  EXPECT_EQ(left.v4l2.device, "serial:A0");
+  EXPECT_EQ(left.v4l2.format, "MJPEG");
+  EXPECT_EQ(left.v4l2.width, 640);
+  EXPECT_EQ(left.v4l2.rate_hz, 30);
+  EXPECT_EQ(left.v4l2.frame_timeout, from_seconds(2.5));
+  EXPECT_EQ(left.v4l2.controls.at("auto_exposure"), V4l2ControlValue("manual_mode"));
+  EXPECT_EQ(left.v4l2.controls.at("exposure_time_absolute"), V4l2ControlValue(int64_t{80}));
+  EXPECT_EQ(left.v4l2.controls.at("exposure_dynamic_framerate"), V4l2ControlValue(int64_t{0}));
+  const CameraConfig& right = installation.cameras[1];
+  EXPECT_EQ(right.source, SourceKind::kAravis);
+  EXPECT_EQ(right.aravis.id, "192.168.0.3");
+  EXPECT_EQ(right.aravis.pixel_format, "BayerRG8");
+  EXPECT_EQ(right.aravis.height, 480);
+  EXPECT_EQ(right.aravis.exposure_us, 5000);
+  EXPECT_EQ(right.aravis.trigger, "Line1");
+  EXPECT_TRUE(right.aravis.ptp);
+  const CameraConfig& side = installation.cameras[2];
+  EXPECT_EQ(side.source, SourceKind::kNetwork);
+  EXPECT_EQ(side.network.url, "rtsp://me:secret@10.0.0.7/live");
+  EXPECT_EQ(side.network.transport, RtspTransport::kUdp);
+  EXPECT_EQ(side.network.latency_ms, 50);
+  EXPECT_EQ(side.network.width, 640);
+  EXPECT_TRUE(compare(installation, installation).none());
+}
+
 std::string example_text() {
   std::ifstream file(SIGHTLINE_SOURCE_DIR "/config/sightline.example.toml");
   std::ostringstream text;
@@ -239,8 +294,34 @@ const BadFile kBadFiles[] = {
     {"later section", base_with("[publish]\nmqtt = true\n"), "7:1", "later release"},
     {"live source",
      "calibration = \"c.toml\"\n[[camera]]\nname = \"left\"\nsource = "
-     "\"v4l2:/dev/video0\"\n",
+     "\"webcam:0\"\n",
      "4:10", "known: replay:FOLDER"},
+    {"password of an unknown source",
+     "calibration = \"c.toml\"\n[[camera]]\nname = \"left\"\nsource = "
+     "\"rtps://me:secret@host\"\nlatency_ms = 5\n",
+     "4:10", "this is no source"},
+    {"network address",
+     "calibration = \"c.toml\"\n[[camera]]\nname = \"left\"\nsource = \"rtsp:///x\"\n", "4:10",
+     "names no host"},
+    {"empty device",
+     "calibration = \"c.toml\"\n[[camera]]\nname = \"left\"\nsource = \"aravis:\"\n", "4:10",
+     "wants a camera"},
+    {"key of another source",
+     "calibration = \"c.toml\"\n[[camera]]\nname = \"left\"\nsource = \"v4l2:a\"\nptp = true\n",
+     "5:7", "ptp: is not for this kind of source"},
+    {"loop of a live source",
+     "calibration = \"c.toml\"\n[[camera]]\nname = \"left\"\nsource = \"v4l2:a\"\nloop = true\n",
+     "5:8", "loop: is not for"},
+    {"live key of a recording",
+     "calibration = \"c.toml\"\n[[camera]]\nname = \"left\"\nsource = \"replay:r\"\ngain = 1\n",
+     "5:8", "gain: is not for a recording"},
+    {"unknown key of a live source",
+     "calibration = \"c.toml\"\n[[camera]]\nname = \"left\"\nsource = \"aravis:a\"\nexposur = 1\n",
+     "5:1", "unknown key"},
+    {"value of a control",
+     "calibration = \"c.toml\"\n[[camera]]\nname = \"left\"\nsource = \"v4l2:a\"\n"
+     "controls = { gain = 1.5 }\n",
+     "5:21", "a whole number, true, false or a text"},
     {"empty source",
      "calibration = \"c.toml\"\n[[camera]]\nname = \"left\"\nsource = "
      "\"replay:\"\n",

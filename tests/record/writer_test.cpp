@@ -114,6 +114,18 @@ TEST(RecordingWriter, PaddingOfRowsIsNotStored) {
   }
 }
 
+TEST(RecordingWriter, AsI420TakesFramesOfEveryFormat) {
+  TempFolder temp;
+  auto writer = one_camera(temp / "any", PixelFormat::kI420);
+  const auto frame = noise_frame(3, PixelFormat::kYuyv, 2 * kWidth);
+  const Status written = writer->append(*frame);
+  ASSERT_TRUE(written) << written.error().message();
+  ASSERT_TRUE(writer->close());
+  const auto read = replay_all(temp / "any");
+  ASSERT_EQ(read.size(), 1u);
+  EXPECT_EQ(hash_of(read[0]->i420()), hash_of(frame->i420()));
+}
+
 class EveryFfv1Format : public testing::TestWithParam<PixelFormat> {};
 
 TEST_P(EveryFfv1Format, IsLossless) {

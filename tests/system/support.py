@@ -131,7 +131,9 @@ class Daemon:
         """SIGTERM; the exit status."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGTERM)
-        return self.process.wait(timeout=WAIT_S)
+        # As a service manager does: a full socket would hold the daemon up.
+        wait_until(lambda: self.read_notifications() is not None and self.process.poll() is not None, "it ends")
+        return self.process.returncode
 
     def close(self):
         if self.process.poll() is None:

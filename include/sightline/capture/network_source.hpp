@@ -43,6 +43,9 @@ struct NetworkOptions {
 Result<std::unique_ptr<FrameSource>> open_network_source(const NetworkOptions& options,
                                                          CameraId camera, const std::string& name);
 
+/// Whether `url` is one that open_network_source() may be given.
+Status check_network_url(const std::string& url);
+
 /// A URL for messages: without user, password and query.
 std::string url_for_messages(const std::string& url);
 

@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "camera_trial.hpp"
+#include "commands.hpp"
+#include "report.hpp"
+#include "sightline/capture/aravis_source.hpp"
+#include "sightline/capture/device_info.hpp"
+#include "sightline/capture/v4l2_source.hpp"
+#include "sightline/record/overlay_video.hpp"
+#include "source_factory.hpp"
+
+namespace sightline::cli {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Listing {
+  std::vector<DeviceInfo> devices;
+  std::vector<std::string> notes;  // kinds that could not be asked
+};
+
+void add(Listing& listing, const char* kind, Result<std::vector<DeviceInfo>> found) {
+  if (!found) {
+    listing.notes.push_back(fmt::format("{}: {}", kind, found.error().message()));
+    return;
+  }
+  for (DeviceInfo& device : *found) listing.devices.push_back(std::move(device));
+}
+
+Listing list_all() {
+  Listing listing;
+  add(listing, "v4l2", list_v4l2());
+  add(listing, "aravis", list_aravis(true));
+  return listing;
+}
+
+std::string source_of(const DeviceInfo& device) { return device.scheme + ":" + device.id; }
+
+std::string rates_of(const FormatInfo& format) {
+  if (format.rates_hz.empty()) return "";
+  const auto [low, high] = std::minmax_element(format.rates_hz.begin(), format.rates_hz.end());
+  return *low == *high ? fmt::format(" {:.4g} Hz", *high)
+                       : fmt::format(" {:.4g}..{:.4g} Hz", *low, *high);
+}
+
+Json json_of(const Listing& listing) {
+  Json json{{"cameras", Json::array()}, {"notes", listing.notes}};
+  for (const DeviceInfo& device : listing.devices) {
+    Json formats = Json::array();
+    for (const FormatInfo& format : device.formats) {
+      formats.push_back({{"format", format.pixel_format},
+                         {"width", format.width},
+                         {"height", format.height},
+                         {"rates_hz", format.rates_hz}});
+    }
+    json["cameras"].push_back({{"source", source_of(device)},
+                               {"model", device.model},
+                               {"serial", device.serial},
+                               {"where", device.where},
+                               {"formats", std::move(formats)},
+                               {"note", device.note}});
+  }
+  return json;
+}
+
+void print_table(const Listing& listing) {
+  size_t widest = 6;
+  for (const DeviceInfo& device : listing.devices) {
+    widest = std::max(widest, source_of(device).size());
+  }
+  if (listing.devices.empty()) fmt::print("no cameras found\n");
+  for (const DeviceInfo& device : listing.devices) {
+    fmt::print("{:<{}}  {}", source_of(device), widest, device.model);
+    if (!device.serial.empty()) fmt::print(", serial {}", device.serial);
+    fmt::print(", at {}\n", device.where);
+    if (!device.note.empty()) fmt::print("    {}\n", device.note);
+    for (const FormatInfo& format : device.formats) {
+      fmt::print("    {:<14} {}x{}{}\n", format.pixel_format, format.width, format.height,
+                 rates_of(format));
+    }
+  }
+  for (const std::string& note : listing.notes) fmt::print("{}\n", note);
+}
+
+// A camera of an installation, with its settings, or a bare source as a configuration names it.
+Result<SourceFactory::Opener> opener_for(const CamerasOptions& options, SourceFactory& factory) {
+  if (!options.config.empty()) {
+    SL_ASSIGN(const Installation installation, read_installation(options.config));
+    for (size_t i = 0; i < installation.cameras.size(); ++i) {
+      if (installation.cameras[i].name != options.source) continue;
+      return factory.opener(installation.cameras[i], CameraId(static_cast<uint32_t>(i)), false);
+    }
+    return make_error(ErrorCode::kNotFound, options.config.string(), "there is no camera \"{}\"",
+                      options.source);
+  }
+  return bare_opener(options.source);
+}
+
+Json json_of(const TrialReport& report) {
+  return Json{{"source", report.source},
+              {"width", report.width},
+              {"height", report.height},
+              {"format", report.format},
+              {"frames", report.frames},
+              {"seconds", report.seconds},
+              {"first_frame_s", report.first_frame_s},
+              {"rate_hz", report.rate_hz},
+              {"jitter_ms", report.jitter_ms},
+              {"jitter_max_ms", report.jitter_max_ms},
+              {"latency_ms", report.latency_ms},
+              {"latency_p99_ms", report.latency_p99_ms},
+              {"clock", report.clock},
+              {"capture_error_ms", report.capture_error_ms},
+              {"dropped", report.dropped},
+              {"damaged", report.damaged}};
+}
+
+void print(const TrialReport& report) {
+  fmt::print("source          {}\n", report.source);
+  fmt::print("pictures        {} x {}, {}\n", report.width, report.height, report.format);
+  fmt::print("first frame     after {:.2f} s\n", report.first_frame_s);
+  fmt::print("frames          {} in {:.1f} s: {:.2f} Hz\n", report.frames, report.seconds,
+             report.rate_hz);
+  fmt::print("jitter          {:.2f} ms (standard deviation of the interval), {:.2f} ms at most\n",
+             report.jitter_ms, report.jitter_max_ms);
+  fmt::print("latency         {:.1f} ms from capture to arrival (median), {:.1f} ms (99 %)\n",
+             report.latency_ms, report.latency_p99_ms);
+  fmt::print("capture times   from {}, wrong by at most {:.2f} ms\n", report.clock,
+             report.capture_error_ms);
+  fmt::print("lost            {} dropped, {} damaged\n", report.dropped, report.damaged);
+}
+
+Status try_camera(const CamerasOptions& options) {
+  Registry registry;
+  SourceFactory factory(registry);
+  SL_ASSIGN(const auto opener, opener_for(options, factory));
+  SL_ASSIGN(TrialResult result, run_trial(opener, options.seconds));
+  result.report.source = options.config.empty() ? shown_source(options.source) : options.source;
+  if (!options.save.empty()) {
+    SL_RETURN_IF_ERROR(write_png(options.save, result.newest->i420()));
+  }
+  if (options.json) {
+    fmt::print("{}\n", json_of(result.report).dump(2));
+  } else {
+    print(result.report);
+  }
+  return {};
+}
+
+}  // namespace
+
+int cameras(const CamerasOptions& options) {
+  if (!options.source.empty()) {
+    const Status done = try_camera(options);
+    return done ? 0 : report(done.error());
+  }
+  const Listing listing = list_all();
+  if (options.json) {
+    fmt::print("{}\n", json_of(listing).dump(2));
+  } else {
+    print_table(listing);
+  }
+  return 0;
+}
+
+}  // namespace sightline::cli

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "source_factory.hpp"
+
+#include "metered_source.hpp"
+
+namespace sightline {
+
+SourceFactory::Opener SourceFactory::opener(const CameraConfig& camera, CameraId id, bool payload) {
+  switch (camera.source) {
+    case SourceKind::kNetwork:
+      return network_opener(camera, id);
+    case SourceKind::kAravis:
+      return aravis_opener(camera, id);
+    case SourceKind::kV4l2:
+      return v4l2_opener(camera, id);
+    case SourceKind::kReplay:
+      break;
+  }
+  return [this, camera, id, payload] { return replays_.open(camera, id, payload); };
+}
+
+SourceFactory::Opener SourceFactory::network_opener(const CameraConfig& camera, CameraId id) {
+  return [options = camera.network, name = camera.name, id]() mutable {
+    auto source = open_network_source(options, id, name);
+    ++options.epoch;
+    return source;
+  };
+}
+
+SourceFactory::Opener SourceFactory::aravis_opener(const CameraConfig& camera, CameraId id) {
+  return [options = camera.aravis, name = camera.name, id, epoch = uint32_t{0},
+          identity = std::string(),
+          &registry = registry_]() mutable -> Result<std::unique_ptr<FrameSource>> {
+    SL_ASSIGN(auto source, open_aravis_source(options, id, name, epoch));
+    const std::string found = source->status().device_id;
+    if (!identity.empty() && found != identity) {
+      return make_error(ErrorCode::kInvalidInput, name,
+                        "another camera answers at {}: {}, it was {}; its pictures are not used. "
+                        "Put the first one back, or reload the configuration to accept this one",
+                        options.id, found, identity);
+    }
+    identity = found;
+    ++epoch;
+    AravisSource* raw = source.get();
+    const auto read = [raw] {
+      const AravisStatus now = raw->status();
+      return MeteredSource::Causes{{"lost", now.lost},
+                                   {"incomplete", now.incomplete},
+                                   {"unusable", now.unusable},
+                                   {"copied", now.copied},
+                                   {"resent_packets", now.resent_packets},
+                                   {"missing_packets", now.missing_packets},
+                                   {"no_buffer", now.underruns},
+                                   {"stamp_rejected", now.stamps_rejected},
+                                   {"clock_reset", now.clock_resets}};
+    };
+    return std::unique_ptr<FrameSource>(
+        std::make_unique<MeteredSource>(std::move(source), name, registry, read));
+  };
+}
+
+SourceFactory::Opener SourceFactory::v4l2_opener(const CameraConfig& camera, CameraId id) {
+  return [options = camera.v4l2, name = camera.name, id,
+          &registry = registry_]() mutable -> Result<std::unique_ptr<FrameSource>> {
+    const auto counters = std::make_shared<CaptureCounters>();
+    options.counters = counters;
+    SL_ASSIGN(auto source, open_v4l2_source(options, id, name));
+    ++options.epoch;
+    const auto read = [counters] {
+      return MeteredSource::Causes{{"lost", counters->lost.value()},
+                                   {"damaged", counters->damaged.value()},
+                                   {"copied", counters->copied.value()},
+                                   {"no_buffer", counters->starved.value()},
+                                   {"stamp_rejected", counters->stamp_rejected.value()}};
+    };
+    return std::unique_ptr<FrameSource>(
+        std::make_unique<MeteredSource>(std::move(source), name, registry, read));
+  };
+}
+
+Result<PixelFormat> SourceFactory::payload_format(const CameraConfig& camera) {
+  switch (camera.source) {
+    case SourceKind::kReplay:
+      return replays_.payload_format(camera);
+    case SourceKind::kNetwork:
+      return camera.network.url.starts_with("http") ? PixelFormat::kMjpeg : PixelFormat::kI420;
+    case SourceKind::kV4l2:
+      return camera.v4l2.format == "MJPEG" || camera.v4l2.format == "MJPG" ? PixelFormat::kMjpeg
+                                                                           : PixelFormat::kI420;
+    case SourceKind::kAravis:
+      break;
+  }
+  return PixelFormat::kI420;
+}
+
+}  // namespace sightline
