@@ -86,10 +86,7 @@ Result<std::unique_ptr<NetworkPipeline>> NetworkPipeline::start(const NetworkUrl
   SL_RETURN_IF_ERROR(start_gstreamer());
   std::unique_ptr<NetworkPipeline> made(new NetworkPipeline(url, name));
   SL_RETURN_IF_ERROR(made->build(options));
-  {
-    // Whoever locks next, on GStreamer's threads, sees all of it.
-    std::lock_guard lock(made->mutex_);
-  }
+  { const GstCall handed_over(made.get()); }
   gst_element_set_state(made->pipeline_.get(), GST_STATE_PLAYING);
   return made;
 }
@@ -99,7 +96,7 @@ NetworkPipeline::~NetworkPipeline() {
   gst_element_set_state(pipeline_.get(), GST_STATE_NULL);
   const GstRef<GstBus> bus(gst_element_get_bus(pipeline_.get()));
   gst_bus_set_sync_handler(bus.get(), nullptr, nullptr, nullptr);
-  std::lock_guard lock(mutex_);
+  const GstCall call(this);
 }
 
 Status NetworkPipeline::build(const NetworkOptions& options) {
@@ -135,6 +132,7 @@ Status NetworkPipeline::build(const NetworkOptions& options) {
   const GstRef<GstElement> sink(gst_bin_get_by_name(GST_BIN(raw_pipeline), "sink"));
   GstAppSinkCallbacks callbacks{};
   callbacks.new_sample = [](GstAppSink* appsink, gpointer self) {
+    const GstCall call(self);
     const GstRef<GstSample> sample(gst_app_sink_pull_sample(appsink));
     if (sample) static_cast<NetworkPipeline*>(self)->on_sample(sample.get());
     return GST_FLOW_OK;
@@ -144,6 +142,7 @@ Status NetworkPipeline::build(const NetworkOptions& options) {
   gst_bus_set_sync_handler(
       bus.get(),
       [](GstBus*, GstMessage* message, gpointer self) {
+        const GstCall call(self);
         static_cast<NetworkPipeline*>(self)->on_message(message);
         gst_message_unref(message);
         return GST_BUS_DROP;
@@ -156,6 +155,7 @@ Status NetworkPipeline::build(const NetworkOptions& options) {
 void NetworkPipeline::watch_rtp(GstElement* source) {
   using SyncHandler = void (*)(GstElement*, GstStructure*, gpointer);
   static const SyncHandler on_sync = [](GstElement*, GstStructure* sync, gpointer self) {
+    const GstCall call(self);
     auto* pipeline = static_cast<NetworkPipeline*>(self);
     guint rate = 0;
     gst_structure_get_uint(sync, "clock-rate", &rate);
@@ -184,6 +184,7 @@ void NetworkPipeline::watch_rtp(GstElement* source) {
       pad.get(),
       static_cast<GstPadProbeType>(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST),
       [](GstPad*, GstPadProbeInfo* info, gpointer self) {
+        const GstCall call(self);
         static_cast<NetworkPipeline*>(self)->on_rtp(info);
         return GST_PAD_PROBE_OK;
       },
@@ -243,6 +244,7 @@ void NetworkPipeline::on_message(GstMessage* message) {
 }
 
 std::optional<NetworkSample> NetworkPipeline::take(std::stop_token stop, Duration timeout) {
+  const GstCall call(this);
   return newest_.take(std::move(stop), timeout);
 }
 
