@@ -18,7 +18,7 @@ import truth_view  # noqa: E402
 CAMERAS = ("left", "right", "side")
 FRAMES = 100
 WIDTH, HEIGHT = 640, 480
-HIDDEN_BELOW = 0.02     # share of the object that is visible in `side` when we call it hidden
+HIDDEN_BELOW = 0.001    # share of the object that is visible in `side` when we call it hidden
 CHROMA_RAISED = 8       # a pixel with so much more U and V was drawn over; encoding noise stays below
 AROUND_PX = 14          # looked at beyond the true box: further off would show as this much
 BOX_WITHIN_PX = 6       # the drawn part against the true one, each side of the box
