@@ -98,19 +98,37 @@ Status count_states(const Installation& installation, const std::vector<Sight>& 
   return {};
 }
 
+// The pose at `time` by all that the others measured around it: of the estimates up to a round of
+// free-running cameras away, moved to `time`, the one that is known best there. A track holds what
+// was known at each time, so a neighbour that heard one camera more may know better.
+std::optional<PoseEstimate> best_known(const PoseTrack& track, Time time,
+                                       const MotionNoise& noise) {
+  constexpr Duration kRound = std::chrono::milliseconds(40);
+  std::optional<PoseEstimate> best;
+  for (const PoseEstimate& estimate : track.history()) {
+    if (!has_pose(estimate.state) || estimate.state == TrackState::kCoasting) continue;
+    if (estimate.time < time - kRound || estimate.time > time + kRound) continue;
+    const PoseEstimate moved = predict(estimate, time, noise);
+    if (!best || moved.pose_covariance().trace() < best->pose_covariance().trace()) best = moved;
+  }
+  if (best) return best;
+  const PoseAt between = track.at(time);
+  const bool inside =
+      between.source == PoseSource::kInterpolated || between.source == PoseSource::kEstimated;
+  return inside ? std::optional(between.estimate) : std::nullopt;
+}
+
 Status leave_out(const Installation& installation, const std::vector<Sight>& sights,
                  CameraId left_out, CameraResult& result) {
   SL_ASSIGN(auto estimator, ObjectEstimator::create(installation.estimator, ObjectId(0)));
   std::vector<const Sight*> waiting;  // until the others have been past their time
   const auto settle = [&](Time now) {
     while (!waiting.empty() &&
-           waiting.front()->observation.capture + std::chrono::milliseconds(400) < now) {
+           waiting.front()->observation.capture + std::chrono::milliseconds(60) < now) {
       const Sight& sight = *waiting.front();
-      const PoseAt pose = estimator.track()->at(sight.observation.capture);
-      const bool usable =
-          pose.source == PoseSource::kInterpolated || pose.source == PoseSource::kEstimated;
-      const double error =
-          usable ? corner_error(*sight.corners, pose.estimate.world_from_object) : -1;
+      const auto pose =
+          best_known(*estimator.track(), sight.observation.capture, installation.estimator.noise);
+      const double error = pose ? corner_error(*sight.corners, pose->world_from_object) : -1;
       if (error >= 0) {
         result.interpolated.px.push_back(error);
       } else {

@@ -15,21 +15,40 @@ struct MotionScale {
   friend bool operator==(const MotionScale&, const MotionScale&) = default;
 };
 
+/// The newest two corrections of predictions (tangent offsets).
+struct MotionMemory {
+  Time since{};  ///< of the newest one
+  Vector6 offset = Vector6::Zero();
+  Vector6 before = Vector6::Zero();
+};
+
 /// One pose that the object may have, with its filter state.
 struct Hypothesis {
   PoseEstimate estimate;
   double evidence = 0;    ///< -2 log likelihood, the best of the bank at 0
   int confirmations = 0;  ///< camera frames that agreed since it was found
   MotionScale motion;
+  MotionMemory corrections;
+  /// Inverse covariance of the part of the error that does not average out over frames
+  /// (calibration): of the cameras that hold the object. Zero: unknown.
+  Matrix6 systematic_information = Matrix6::Zero();
   /// Contradicts the hypothesis in force and has to prove itself before it is published.
   bool challenger = false;
+};
+
+/// Squared distance of a camera from the rest, in its own covariance (the share of the innovation
+/// that is charged to the camera), and its expectation if the covariances are right.
+struct Agreement {
+  double squared = 0;
+  double expected = 0;
 };
 
 /// What is remembered of one camera.
 struct CameraRecord {
   Time last_look{};
-  Duration period{0};  ///< of its frames, smoothed; 0: unknown
-  double scale = 1.0;  ///< smoothed chi-square per residual of its measurements
+  Duration period{0};       ///< of its frames, smoothed; 0: unknown
+  double scale = 1.0;       ///< smoothed chi-square per residual of its measurements
+  double systematic = 1.0;  ///< learned: see Voter::systematic
   bool known = false;
   bool seen = false;     ///< accepted at its last look
   bool refused = false;  ///< contradicted at its last look
@@ -59,6 +78,7 @@ struct Outcome {
   CameraSet gated = 0;
   int iterations = 0;
   std::array<double, 64> normalized_cost{};
+  std::array<Agreement, 64> agreement{};
 };
 
 }  // namespace sightline::fuse

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "camera_system.hpp"
 
+#include <Eigen/Cholesky>
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 
 namespace sightline::fuse {
@@ -21,11 +23,20 @@ void integrate_time_error(const Matrix6& twist_square, double variance, CameraSy
   system.information = 0.5 * (information + information.transpose());
 }
 
+// Step to the camera's own minimum, as far as it knows one: directions without information stay.
+Vector6 own_minimum(const CameraSystem& system) {
+  const Vector6 size = system.information.diagonal().cwiseMax(1e-12);
+  Matrix6 damped = system.information;
+  damped.diagonal() += 1e-9 * size;
+  return -damped.ldlt().solve(system.gradient);
+}
+
 }  // namespace
 
 CameraSystem linearize(const Voter& voter, const Rigid3& world_from_object,
                        const Matrix6& twist_square) {
   CameraSystem sum;
+  double cost = 0;
   for (const PoseTermPtr& term : voter.observation->terms) {
     const LinearizedTerm part = term->linearize(world_from_object);
     if (part.residuals <= 0) continue;
@@ -34,19 +45,23 @@ CameraSystem linearize(const Voter& voter, const Rigid3& world_from_object,
     }
     sum.information += part.information;
     sum.gradient += part.gradient;
-    sum.raw_cost += part.cost;
+    cost += part.cost;
     sum.residuals += part.residuals;
     sum.quality += part.quality * part.residuals;
   }
   if (sum.residuals == 0) return sum;
   sum.quality /= sum.residuals;
-  const double weight = 1.0 / voter.scale;
+  sum.to_own_minimum = own_minimum(sum);
+  const double drop = -0.5 * sum.gradient.dot(sum.to_own_minimum);
+  sum.own_cost = std::max(0.0, cost - drop) / voter.scale;
+  const double weight = 1.0 / (voter.scale * voter.systematic);
   sum.information *= weight;
   sum.gradient *= weight;
-  sum.cost = sum.raw_cost * weight;
+  sum.cost = cost * weight;
   // A bound on the error is taken as a uniform distribution.
   const double bound = to_seconds(voter.observation->capture_error);
   if (bound > 0) integrate_time_error(twist_square, bound * bound / 3.0, sum);
+  sum.pose_cost = -0.5 * sum.gradient.dot(sum.to_own_minimum);
   return sum;
 }
 

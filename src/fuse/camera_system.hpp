@@ -8,19 +8,27 @@ namespace sightline::fuse {
 /// One camera in one update: its observation and how far its word counts.
 struct Voter {
   const Observation* observation = nullptr;
-  double scale = 1.0;  ///< its covariance is multiplied by this (>= 1)
+  double scale = 1.0;  ///< of the noise of its residuals: their covariance is multiplied by it
+  /// How much farther the whole picture is off than its corners tell (calibration, stamps): the
+  /// covariance of the pose is multiplied by it once more, the residuals' is not. >= 1
+  double systematic = 1.0;
 };
 
 /// All terms of one camera, linearised at one pose: cost, gradient and information are divided by
-/// the voter's scale and the unknown error of the capture time is integrated out.
+/// the voter's scales and the unknown error of the capture time is integrated out.
 struct CameraSystem {
   Matrix6 information = Matrix6::Zero();
   Vector6 gradient = Vector6::Zero();
-  double cost = 0;
-  double raw_cost = 0;  ///< before scale and time
+  double cost = 0;                           ///< what the minimiser lowers
+  Vector6 to_own_minimum = Vector6::Zero();  ///< as far as the camera knows one, to first order
+  double own_cost = 0;   ///< at the camera's own minimum next to this pose, noise scale alone
+  double pose_cost = 0;  ///< from there to this pose
   int residuals = 0;
   double quality = 0;  ///< of the terms, weighted by residuals
 
+  /// -log likelihood of the measurement at this pose: the residuals count in full, the distance
+  /// from the own minimum with both scales.
+  double likelihood_cost() const { return own_cost + pose_cost; }
   /// False if the camera has nothing to say at this pose or a term gave numbers that are not
   /// finite.
   bool usable(double min_quality) const { return residuals > 0 && quality >= min_quality; }

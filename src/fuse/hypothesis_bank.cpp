@@ -15,6 +15,7 @@ namespace {
 
 constexpr size_t kMaxStarts = 8;         // proposed poses that are tried per set and hypothesis
 constexpr double kSurpriseAlarm = 16.8;  // 99 % of chi-square with 6 dof
+constexpr double kNoSystematic = 1e-3;   // excess of the covariance below which there is none
 constexpr double kSamePose = 4.0;        // squared Mahalanobis distance (6 dof) of one and the same
 
 bool same_pose(const PoseEstimate& a, const PoseEstimate& b) {
@@ -50,7 +51,7 @@ void HypothesisBank::step(const BankState& before, Time time, std::span<const Ob
   after.iterations = 0;
   after.started = after.reset = false;
   expire(time, after);
-  collect_voters(set, after);
+  collect_voters(time, set, after);
   outcomes_.clear();
   if (!voters_.empty()) {
     const bool was_empty = after.count == 0;
@@ -75,7 +76,7 @@ void HypothesisBank::step(const BankState& before, Time time, std::span<const Ob
     }
   }
   const Outcome* best = outcomes_.empty() ? nullptr : &outcomes_.front();
-  const bool contradicted = record_looks(time, set, best, after);
+  const bool contradicted = record_looks(time, set, best, options_, after);
   publish(time, contradicted, options_, after);
 }
 
@@ -108,12 +109,22 @@ PoseEstimate HypothesisBank::moved_to(Time time, const Hypothesis& hypothesis,
   return estimate;
 }
 
-void HypothesisBank::collect_voters(std::span<const Observation> set, const BankState& state) {
+void HypothesisBank::collect_voters(Time time, std::span<const Observation> set,
+                                    const BankState& state) {
   voters_.clear();
   for (const Observation& observation : set) {
     if (observation.terms.empty()) continue;
     const CameraRecord& record = state.cameras[observation.camera.index() & 63u];
-    voters_.push_back({&observation, std::max(1.0, record.scale)});
+    voters_.push_back(
+        {&observation, std::max(1.0, record.scale), std::max(1.0, record.systematic)});
+  }
+  holding_ = 0;
+  for (size_t i = 0; i < state.cameras.size(); ++i) {
+    const CameraRecord& record = state.cameras[i];
+    const bool here = std::any_of(voters_.begin(), voters_.end(), [&](const Voter& voter) {
+      return (voter.observation->camera.index() & 63u) == i;
+    });
+    holding_ += here || (record.seen && time - record.last_look <= hold(record, options_)) ? 1 : 0;
   }
 }
 
@@ -133,12 +144,20 @@ void HypothesisBank::follow(const Hypothesis& hypothesis, Time time) {
   vote_.hold(pose_prior(moved.estimate), voters_, moved.estimate.world_from_object, verdict_);
   const MotionScale wanted = wanted_scale(hypothesis.motion);
   if (wanted != hypothesis.motion) {
-    // Livelier than it was of late: predict once more with that in mind.
-    const bool sudden = verdict_.accepted == 0;
+    // Livelier than it was of late: predict once more with that in mind. If that does not settle
+    // it, it was not the motion.
+    const PoseEstimate calm = moved.estimate;
+    std::swap(verdict_, calm_verdict_);
     moved.motion = wanted;
     moved.estimate = moved_to(time, hypothesis, wanted);
     vote_.hold(pose_prior(moved.estimate), voters_, moved.estimate.world_from_object, verdict_);
-    if (sudden && std::popcount(verdict_.accepted) == 1) moved.confirmations = 0;
+    if (verdict_.strained && calm_verdict_.accepted != 0) {
+      std::swap(verdict_, calm_verdict_);
+      moved.motion = hypothesis.motion;
+      moved.estimate = calm;
+    } else if (calm_verdict_.accepted == 0 && std::popcount(verdict_.accepted) == 1) {
+      moved.confirmations = 0;
+    }
   }
   // Cameras that agree with one another, but not with what was believed, do not move it.
   if (verdict_.accepted != 0 && 2.0 * verdict_.minimum.prior_cost > surprise_limit_) {
@@ -173,7 +192,8 @@ void HypothesisBank::follow_loose(const Hypothesis& moved, Time time) {
 // is already) in one step.
 MotionScale HypothesisBank::wanted_scale(const MotionScale& motion) const {
   if (!options_.adapt_motion) return motion;
-  if (verdict_.accepted == 0) return verdict_.gated != 0 ? at_least_nominal(motion) : motion;
+  if (verdict_.strained) return at_least_nominal(motion);
+  if (verdict_.accepted == 0) return motion;
   const Surprises surprises = measure_surprise(verdict_.minimum);
   return surprises.pose.squared > kSurpriseAlarm ? raised(surprises, motion) : motion;
 }
@@ -187,15 +207,29 @@ void HypothesisBank::add_outcome(const Hypothesis& moved, Time time) {
   outcome.gated = verdict_.gated;
   outcome.iterations = verdict_.minimum.iterations;
   outcome.normalized_cost = verdict_.normalized_cost;
+  outcome.agreement = verdict_.agreement;
   if (verdict_.accepted != 0) {
     Hypothesis& h = outcome.hypothesis;
     h.estimate = posterior(moved.estimate, verdict_.minimum);
     h.estimate.cameras = verdict_.accepted;
     h.estimate.last_measured = time;
     h.confirmations = moved.confirmations + std::popcount(verdict_.accepted);
-    if (options_.adapt_motion) learn(measure_surprise(verdict_.minimum), h.motion);
+    if (options_.adapt_motion) learn(time, verdict_.minimum, holding_, h.corrections, h.motion);
+    add_systematic(h.systematic_information);
   }
   outcomes_.push_back(outcome);
+}
+
+// A running sum over the cameras that hold the object: each set counts for its own cameras and
+// takes the place of their share of the sum.
+void HypothesisBank::add_systematic(Matrix6& information) const {
+  const double fresh = static_cast<double>(verdict_.accepted_voters.size());
+  information *= std::max(0.0, 1.0 - fresh / std::max(1, holding_));
+  for (size_t i = 0; i < verdict_.accepted_voters.size(); ++i) {
+    const double scale = verdict_.accepted_voters[i].systematic;
+    information +=
+        verdict_.minimum.systems[i].information * (scale / std::max(scale - 1.0, kNoSystematic));
+  }
 }
 
 void HypothesisBank::start(Time time, double evidence, bool challenger) {

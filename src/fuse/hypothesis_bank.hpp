@@ -25,13 +25,14 @@ class HypothesisBank {
  private:
   void expire(Time time, BankState& state) const;
   PoseEstimate moved_to(Time time, const Hypothesis& hypothesis, const MotionScale& motion) const;
-  void collect_voters(std::span<const Observation> set, const BankState& state);
+  void collect_voters(Time time, std::span<const Observation> set, const BankState& state);
   void follow(const Hypothesis& hypothesis, Time time);
   void follow_loose(const Hypothesis& moved, Time time);
   MotionScale wanted_scale(const MotionScale& motion) const;
   void start(Time time, double evidence, bool challenger);
   void start_from(const Voter& proposer, const Rigid3& pose, Time time, double evidence,
                   bool challenger);
+  void add_systematic(Matrix6& information) const;
   void add_outcome(const Hypothesis& moved, Time time);
   void sort_outcomes();
   void merge_and_sort();
@@ -45,7 +46,9 @@ class HypothesisBank {
   Vote vote_;
   double surprise_limit_;  ///< squared Mahalanobis distance from the prediction
   Verdict verdict_;
+  Verdict calm_verdict_;
   std::vector<Voter> voters_;
+  int holding_ = 0;  ///< cameras that see the object now or did at their newest look
   std::vector<Voter> others_;
   std::vector<Outcome> outcomes_;
 };

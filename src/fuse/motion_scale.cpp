@@ -8,8 +8,9 @@
 namespace sightline::fuse {
 namespace {
 
-constexpr double kGain = 0.15;        // of the logarithm, per update
-constexpr double kMaxGrowth = 1.0;    // of the logarithm, per update
+constexpr double kGain = 0.25;  // of the logarithm, per update
+// Cameras that look within it correct the same prediction: their corrections are one.
+constexpr Duration kTogether = std::chrono::milliseconds(5);
 constexpr double kMinScale = 0.0004;  // a fiftieth of the nominal acceleration
 constexpr double kMaxScale = 4.0;
 constexpr double kLittle = 0.05;  // [dof] below: the set says nothing of the prediction
@@ -24,11 +25,16 @@ Surprise of_block(const Matrix6& prior, const Matrix6& posterior, const Vector6&
   return {part.dot(solver.solve(part)), 3.0 - kept.trace()};
 }
 
-// Steps of equal spread, however much of the prediction the set has tested.
-double learned(const Surprise& surprise, double scale) {
-  if (surprise.dof < kLittle) return scale;
-  const double step = kGain * (surprise.squared - surprise.dof) / std::sqrt(3.0 * surprise.dof);
-  return std::clamp(scale * std::exp(std::min(step, kMaxGrowth)), kMinScale, kMaxScale);
+// Cosine of two offsets in the metric of the prediction; 0 if one of them is nothing.
+double alignment(const Matrix6& information, const Vector6& a, const Vector6& b, int at) {
+  const Eigen::Matrix3d metric = information.block<3, 3>(at, at);
+  const Eigen::Vector3d x = a.segment<3>(at), y = b.segment<3>(at);
+  const double product = x.dot(metric * x) * y.dot(metric * y);
+  return product > 0 ? x.dot(metric * y) / std::sqrt(product) : 0.0;
+}
+
+double learned(double alignment, double scale) {
+  return std::clamp(scale * std::exp(kGain * alignment), kMinScale, kMaxScale);
 }
 
 double raised(const Surprise& surprise, double scale) {
@@ -51,9 +57,17 @@ MotionNoise scaled(const MotionNoise& nominal, const MotionScale& scale) {
   return {nominal.angular * std::sqrt(scale.angular), nominal.linear * std::sqrt(scale.linear)};
 }
 
-void learn(const Surprises& surprises, MotionScale& scale) {
-  scale = {learned(surprises.rotation, scale.angular),
-           learned(surprises.translation, scale.linear)};
+void learn(Time time, const PoseMinimum& minimum, int cameras, MotionMemory& memory,
+           MotionScale& scale) {
+  if (time - memory.since <= kTogether) {
+    memory.offset += minimum.offset;
+    return;
+  }
+  const Matrix6& metric = minimum.prior_information;
+  scale = {learned(alignment(metric, memory.offset, memory.before, 0), scale.angular),
+           learned(alignment(metric, memory.offset, memory.before, 3), scale.linear)};
+  const double kept = std::max(0.0, 1.0 - 2.0 / std::max(1, cameras));
+  memory = {time, minimum.offset, kept * memory.before + memory.offset};
 }
 
 MotionScale raised(const Surprises& surprises, const MotionScale& scale) {

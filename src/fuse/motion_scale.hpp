@@ -24,9 +24,12 @@ Surprises measure_surprise(const PoseMinimum& minimum);
 /// The nominal densities scaled by what was learned.
 MotionNoise scaled(const MotionNoise& nominal, const MotionScale& scale);
 
-/// Learns the power densities of acceleration from the surprise (docs/estimator.md, "Motion
-/// noise").
-void learn(const Surprises& surprises, MotionScale& scale);
+/// Learns the power densities of acceleration: corrections of an optimal filter are white (Mehra,
+/// "On the identification of variances and adaptive Kalman filtering", 1970). Corrections that go
+/// on in the direction of the one before show that the filter lags, corrections that take the one
+/// before back that it follows the noise, whatever the covariances claim.
+void learn(Time time, const PoseMinimum& minimum, int cameras, MotionMemory& memory,
+           MotionScale& scale);
 
 /// The scale that would have made a surprising set normal, within [scale, at_least_nominal(scale)].
 MotionScale raised(const Surprises& surprises, const MotionScale& scale);

@@ -1,17 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "track_state.hpp"
 
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <algorithm>
 #include <bit>
 #include <cmath>
 
 #include "motion_scale.hpp"
+#include "vote.hpp"
 
 namespace sightline::fuse {
 namespace {
 
 constexpr double kPeriodSmoothing = 0.2;
 constexpr double kScaleSmoothing = 0.1;
+constexpr double kSystematicGain = 0.2;  // of the logarithm, per frame that agrees perfectly
+constexpr double kSystematicJump = 0.7;  // of the logarithm, at most per frame
+constexpr double kSharedBlame = 0.05;    // of the logarithm, per frame
+constexpr double kMaxSystematic = 1000;
+// Chance must not look like a systematic error: more than this share above expectation, and the
+// memory of better agreement has to be used up first.
+constexpr double kSystematicMargin = 1.25;
+constexpr double kMinSystematic = 0.4;
 
 size_t slot(CameraId camera) { return camera.index() & 63u; }
 
@@ -46,12 +58,30 @@ TrackState classify(Time time, bool contradicted, const EstimatorOptions& option
   const int holding = holding_cameras(time, options, state);
   if (holding == 0) return TrackState::kCoasting;
   const Hypothesis& main = state.hypotheses[0];
+  const double max_sigma =
+      holding > 1 ? options.max_sigma_translation
+                  : std::min(options.max_sigma_translation, options.max_sigma_translation_alone);
   const bool sure = state.count == 1 && !contradicted &&
                     main.confirmations >= options.confirm_sets &&
                     (holding > 1 || !options.one_camera_is_degraded) &&
-                    main.estimate.sigma_translation() <= options.max_sigma_translation &&
-                    main.estimate.sigma_rotation() <= options.max_sigma_rotation;
+                    state.published.sigma_translation() <= max_sigma &&
+                    state.published.sigma_rotation() <= options.max_sigma_rotation;
   return sure ? TrackState::kTracking : TrackState::kDegraded;
+}
+
+// The filter takes a camera's systematic error for new in every frame and averages it away. What is
+// published is in no direction surer than the systematic error of the cameras that hold the object.
+void keep_systematic(const Matrix6& information, PoseEstimate& estimate) {
+  if (information.isZero(0.0)) return;
+  const Matrix6 bounded = information + Matrix6(anywhere_covariance().inverse());
+  const Matrix6 least = bounded.ldlt().solve(Matrix6::Identity());
+  const Eigen::LLT<Matrix6> root(estimate.pose_covariance());  // P = L L^T
+  Matrix6 relative = root.matrixL().solve(least);
+  relative = root.matrixL().solve(relative.transpose()).eval();
+  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(relative);
+  const Vector6 missing = (eigen.eigenvalues().array() - 1.0).cwiseMax(0.0);
+  const Matrix6 axes = root.matrixL() * eigen.eigenvectors();
+  estimate.covariance.topLeftCorner<6, 6>() += axes * missing.asDiagonal() * axes.transpose();
 }
 
 // Moments of the mixture about the pose in force.
@@ -85,11 +115,62 @@ Time held_until(const BankState& state, const EstimatorOptions& options) {
   return until;
 }
 
+namespace {
+
+// Only what other cameras say since its own last look can tell that a camera is off.
+bool others_spoke(CameraId camera, CameraSet accepted, const EstimatorOptions& options, Time time,
+                  const BankState& before) {
+  if ((accepted & ~camera_bit(camera)) != 0) return true;
+  const CameraRecord& own = before.cameras[slot(camera)];
+  for (CameraSet left = before.known & ~camera_bit(camera); left != 0; left &= left - 1) {
+    const CameraRecord& other = before.cameras[static_cast<size_t>(std::countr_zero(left))];
+    const bool fresh = time - other.last_look <= hold(other, options);
+    if (other.seen && fresh && other.last_look > own.last_look) return true;
+  }
+  return false;
+}
+
+// Steps by the score of the variance (its likelihood's slope), so that sets that do not test the
+// camera do not teach either.
+void learn_systematic(const Agreement& agreement, CameraRecord& record) {
+  const double step =
+      kSystematicGain * (agreement.squared - kSystematicMargin * agreement.expected) / 6.0;
+  record.systematic = std::clamp(record.systematic * std::exp(std::min(step, kSystematicJump)),
+                                 kMinSystematic, kMaxSystematic);
+}
+
+// Of two cameras that disagree nobody knows which is wrong, and the one that is trusted less would
+// be blamed more and more. So each is drawn to the mean of those that hold the object.
+void share_blame(CameraId camera, Time time, const EstimatorOptions& options, BankState& state) {
+  double sum = 0;
+  int count = 0;
+  for (CameraSet left = state.known; left != 0; left &= left - 1) {
+    const CameraRecord& other = state.cameras[static_cast<size_t>(std::countr_zero(left))];
+    if (!other.seen || time - other.last_look > hold(other, options)) continue;
+    sum += std::log(other.systematic);
+    ++count;
+  }
+  if (count == 0) return;
+  CameraRecord& own = state.cameras[slot(camera)];
+  own.systematic *= std::exp(kSharedBlame * (sum / count - std::log(own.systematic)));
+}
+
+}  // namespace
+
 bool record_looks(Time time, std::span<const Observation> set, const Outcome* best,
-                  BankState& state) {
+                  const EstimatorOptions& options, BankState& state) {
   const CameraSet accepted = best != nullptr ? best->accepted : 0;
   const CameraSet gated = best != nullptr ? best->gated : 0;
   bool lost_a_friend = false;
+  if (options.learn_systematic) {
+    for (const Observation& observation : set) {
+      const CameraId camera = observation.camera;
+      if ((accepted & camera_bit(camera)) == 0) continue;
+      if (!others_spoke(camera, accepted, options, time, state)) continue;
+      learn_systematic(best->agreement[slot(camera)], state.cameras[slot(camera)]);
+      share_blame(camera, time, options, state);
+    }
+  }
   for (const Observation& observation : set) {
     const CameraSet bit = camera_bit(observation.camera);
     CameraRecord& record = state.cameras[slot(observation.camera)];
@@ -114,6 +195,7 @@ void publish(Time time, bool contradicted, const EstimatorOptions& options, Bank
   if (state.count > 0) {
     out = state.hypotheses[0].estimate;
     state.found_before = true;
+    keep_systematic(state.hypotheses[0].systematic_information, out);
     add_spread(state, out);
   } else {
     out.cameras = 0;

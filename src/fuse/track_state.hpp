@@ -18,7 +18,7 @@ Time held_until(const BankState& state, const EstimatorOptions& options);
 /// Notes for every camera of the set what its look came to under `best` (null: no hypothesis).
 /// True if all that was measured contradicts it and a camera that agreed so far is among them.
 bool record_looks(Time time, std::span<const Observation> set, const Outcome* best,
-                  BankState& state);
+                  const EstimatorOptions& options, BankState& state);
 
 /// Fills state.published from the hypotheses. While several remain, the covariance holds their
 /// spread.

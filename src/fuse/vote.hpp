@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "bank_state.hpp"
 #include "chi_square.hpp"
 #include "pose_update.hpp"
 #include "sightline/fuse/estimator.hpp"
@@ -27,6 +28,10 @@ struct Verdict {
   /// constant that is the same for all hypotheses.
   double evidence = 0;
   double penalty = 0;  ///< its part from cameras that are not explained
+  /// How the accepted cameras' own minima lie to what the rest wants, before any widening of this
+  /// set; index: camera bit.
+  std::array<Agreement, 64> agreement{};
+  bool strained = false;  ///< a camera had to be widened or refused
   /// Chi-square per residual of the accepted cameras before scaling; index: camera bit.
   std::array<double, 64> normalized_cost{};
 };
@@ -36,23 +41,30 @@ class Vote {
  public:
   explicit Vote(const EstimatorOptions& options);
 
-  /// One joint minimum of all cameras; if one of them contradicts the rest beyond the chi-square
-  /// gate, each is tested against the prior alone, and the survivors against one another.
+  /// One joint minimum of all cameras. A camera beyond the chi-square gate by no more than
+  /// calibration and stamps may be off is widened until it fits; if one contradicts, each is tested
+  /// against the prior alone, and the survivors against one another.
   void hold(const PosePrior& prior, std::span<const Voter> voters, const Rigid3& start,
             Verdict& verdict);
 
  private:
+  enum class Fit { kFits, kOff, kContradicts };
   struct Innovation {
     double nis = 0;
     int dof = 0;
     bool usable = false;
-    bool fits = false;
+    Fit fit = Fit::kContradicts;
+    Agreement agreement;
+    double widening = 1.0;  ///< of `systematic` that would make the innovation an expected one
   };
   Innovation innovation(const Matrix6& rest_information, const Voter& voter,
-                        const CameraSystem& system) const;
+                        const CameraSystem& system, const Rigid3& pose) const;
   Innovation innovation_in(const PoseMinimum& minimum, size_t index,
                            std::span<const Voter> voters) const;
-  bool all_fit(const PoseMinimum& minimum, std::span<const Voter> voters) const;
+  double elsewhere(const Voter& voter, const CameraSystem& system, const Rigid3& pose) const;
+  double own_cost(const Voter& voter, const CameraSystem& system, const Rigid3& pose) const;
+  Fit test_all(const PoseMinimum& minimum, std::span<const Voter> voters);
+  void widen(Verdict& verdict) const;
   void test_alone(const PosePrior& prior, std::span<const Voter> voters, const Rigid3& start,
                   Verdict& verdict);
   void agree_among_themselves(const PosePrior& prior, const Rigid3& start, Verdict& verdict);
@@ -62,9 +74,11 @@ class Vote {
 
   double min_quality_;
   double max_normalized_cost_;
+  Matrix6 systematic_covariance_;
   ChiSquareTable gate_;
   Minimizer minimizer_;
   PoseMinimum alone_;
+  std::vector<Innovation> innovations_;      // of the voters, last test
   std::vector<CameraSystem> alone_systems_;  // of accepted_voters
 };
 

@@ -82,6 +82,12 @@ void SyntheticRig::place_cameras() {
     cameras_.push_back({"cam" + std::to_string(i),
                         CameraModel::create(options_.lens, "synthetic rig").value(),
                         looking_at_origin(position), options_.pixel_sigma});
+    Random random(options_.seed * 7368787u + static_cast<uint64_t>(i));
+    Vector6 error;
+    error << options_.direction_error * random.normal<3>().normalized(),
+        options_.place_error * random.normal<3>().normalized();
+    true_cameras_.push_back(cameras_.back());
+    true_cameras_.back().world_from_camera = cameras_.back().world_from_camera * Rigid3::exp(error);
   }
 }
 
@@ -99,7 +105,8 @@ void SyntheticRig::make_frames() {
       const Time capture = Time(from_seconds(std::max(
           0.0,
           ideal + (options_.period_jitter > 0 ? options_.period_jitter * random.normal() : 0.0))));
-      const double stamp_error = to_seconds(options_.capture_error) * random.uniform(-1, 1);
+      double stamp_error = to_seconds(options_.capture_error) * random.uniform(-1, 1);
+      if (options_.stamp_jitter > 0) stamp_error += options_.stamp_jitter * random.normal();
       RigFrame frame;
       frame.camera = camera;
       frame.true_capture = capture;
@@ -138,7 +145,8 @@ void SyntheticRig::observe(RigFrame& frame, uint64_t seed) const {
       pose = pose * wrong.error;
     }
   }
-  const Rigid3 camera_from_object = camera.world_from_camera.inverse() * pose;
+  const Rigid3 camera_from_object =
+      true_cameras_[static_cast<size_t>(frame.camera)].world_from_camera.inverse() * pose;
   std::vector<PointMatch> matches;
   const Fiducial* seen = nullptr;
   int tags = 0;

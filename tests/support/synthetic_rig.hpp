@@ -41,6 +41,7 @@ struct RigOptions {
   double period_jitter = 0.0;   ///< [s] sigma of the true capture time around the grid
   Duration capture_error{0};    ///< stamps are off by up to this (uniform), and say so
   std::vector<Duration> skews;  ///< unknown constant error of each camera's stamps
+  double stamp_jitter = 0.0;    ///< [s] sigma of every stamp's error, which nobody knows of
   Duration delay{0};            ///< capture to arrival
   double late_share = 0.0;      ///< of the observations that arrive late_by later
   Duration late_by{0};
@@ -51,6 +52,10 @@ struct RigOptions {
   double min_cosine = 0.25;         ///< of the angle between a tag's normal and the view
   double pixel_sigma = 0.3;         ///< [px] of every corner's coordinates
   double claimed_pixel_sigma = 0;   ///< [px] what the terms believe; 0: the truth
+
+  /// Every camera stands elsewhere than its calibration says: by so much in a random direction.
+  double place_error = 0;      ///< [m]
+  double direction_error = 0;  ///< [rad]
 
   double dropout = 0.0;  ///< share of frames that see nothing
   std::vector<Occlusion> occlusions;
@@ -93,7 +98,8 @@ class SyntheticRig {
 
   RigOptions options_;
   SyntheticMotion motion_;
-  std::vector<CalibratedCamera> cameras_;
+  std::vector<CalibratedCamera> cameras_;       ///< as calibrated
+  std::vector<CalibratedCamera> true_cameras_;  ///< as they stand
   std::vector<Fiducial> fiducials_;
   std::vector<RigFrame> frames_;
 };

@@ -24,19 +24,28 @@ struct EstimatorOptions {
   double max_normalized_cost = 36;  ///< chi-square per residual beyond which a camera is refused
   int max_iterations = 8;           ///< of one update
 
+  /// One sigma of what a camera may at worst be off in every frame, by its calibration and stamps
+  /// [m, rad]: a disagreement that this explains widens the camera's covariance, and is learned; a
+  /// larger one is a wrong measurement.
+  double systematic_translation = 0.006;
+  double systematic_rotation = 0.02;
+  bool learn_systematic = true;  ///< from the disagreement of the cameras
+
   Duration ring = std::chrono::milliseconds(300);      ///< how late a set may come
   Duration history = std::chrono::milliseconds(1000);  ///< length of the published track
   int ring_capacity = 256;                             ///< sets; bounds memory and replay time
 
-  double max_sigma_translation = 0.005;  ///< [m] weakest direction for `tracking`
-  double max_sigma_rotation = 0.0436;    ///< [rad] (2.5 deg) weakest direction for `tracking`
-  bool one_camera_is_degraded = false;   ///< else one camera is judged by its covariance
-  int confirm_sets = 2;                  ///< consistent sets of one camera before `tracking`
-  int reset_sets = 3;                    ///< consistent contradicting sets before a reset
-  int max_hypotheses = 4;                ///< poses followed at the same time, 1..4
-  double drop_margin = 16.0;             ///< evidence (-2 log likelihood) that ends a hypothesis
-  double start_sigma_linear = 1.0;       ///< [m/s] velocity of a found object, about zero
-  double start_sigma_angular = 3.5;      ///< [rad/s]
+  double max_sigma_translation = 0.010;  ///< [m] weakest direction for `tracking`
+  /// The same when one camera alone holds the object: nobody contradicts a wrong minimum there.
+  double max_sigma_translation_alone = 0.005;
+  double max_sigma_rotation = 0.0436;   ///< [rad] (2.5 deg) weakest direction for `tracking`
+  bool one_camera_is_degraded = false;  ///< else one camera is judged by its covariance
+  int confirm_sets = 2;                 ///< consistent sets of one camera before `tracking`
+  int reset_sets = 3;                   ///< consistent contradicting sets before a reset
+  int max_hypotheses = 4;               ///< poses followed at the same time, 1..4
+  double drop_margin = 16.0;            ///< evidence (-2 log likelihood) that ends a hypothesis
+  double start_sigma_linear = 1.0;      ///< [m/s] velocity of a found object, about zero
+  double start_sigma_angular = 3.5;     ///< [rad/s]
   double reacquire_sigma_translation = 0.1;  ///< [m] a prediction looser than this proves nothing:
   double reacquire_sigma_rotation = 0.35;    ///< [rad] starts are tried again and confirmed again
 
