@@ -59,7 +59,7 @@ class Network(TemporaryFolder):
         text += f"[rtsp]\nport = {free_port()}\n[http]\nport = {free_port()}\n"
         # Absent at the start: the stream is up all the same.
         rig = self.daemon("rig", text)
-        wait_until(lambda: not self.left(rig)["present"], "it is reported absent")
+        wait_until(lambda: "problem" in self.left(rig), "it is reported absent, with the reason")
         self.assertIn("no_signal_since", self.left(rig))
         self.assertIn(f"rtsp://127.0.0.1:{port}/left", self.left(rig)["problem"])
         self.assertEqual(rig.pull("left", frames=3).wait(timeout=60), 0)
