@@ -139,7 +139,6 @@ template <typename Visitor>
 void visit(Visitor& v, RecordConfig& s) {
   v.flag("enabled", s.enabled);
   v.directory("directory", s.directory);
-  v.flag("overlay", s.overlay);
   v.choice("storage", s.raw_storage, kRawStorages);
 }
 

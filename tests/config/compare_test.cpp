@@ -84,7 +84,7 @@ TEST(Compare, EachSectionAlone) {
   EXPECT_EQ(changes("[rtsp]\nport = 9\n").summary(), "rtsp");
   EXPECT_EQ(changes("[encoder]\nprefer = [\"x264enc\"]\n").summary(), "encoder");
   EXPECT_EQ(changes("[http]\nenabled = false\n").summary(), "http");
-  EXPECT_EQ(changes("[record]\noverlay = true\n").summary(), "record");
+  EXPECT_EQ(changes("[record]\nstorage = \"ffv1\"\n").summary(), "record");
   EXPECT_EQ(changes("[daemon]\nlog_level = \"debug\"\n").summary(), "daemon");
 }
 

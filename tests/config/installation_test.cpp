@@ -195,7 +195,6 @@ port = 81
 [record]
 enabled = true
 directory = "out"
-overlay = true
 storage = "ffv1"
 [observe]
 search_scale = 1
@@ -233,7 +232,7 @@ log_level = "warning"
   EXPECT_EQ(installation.encoder.prefer, (std::vector<std::string>{"vah264enc", "x264enc"}));
   EXPECT_EQ(installation.http.server.address, "::");
   EXPECT_EQ(installation.http.server.port, 81);
-  EXPECT_TRUE(installation.record.enabled && installation.record.overlay);
+  EXPECT_TRUE(installation.record.enabled);
   EXPECT_EQ(installation.record.raw_storage, RawStorage::kFfv1);
   EXPECT_EQ(installation.observe.search_scale, 1);
   EXPECT_EQ(installation.observe.min_side_px, 8);

@@ -78,7 +78,6 @@ struct HttpConfig {
 struct RecordConfig {
   bool enabled = false;
   std::filesystem::path directory;  ///< each run makes a folder of its own in it
-  bool overlay = false;             ///< also the annotated video
   RawStorage raw_storage = RawStorage::kRaw;
 };
 
