@@ -49,6 +49,7 @@ struct CameraRecord {
   Duration period{0};       ///< of its frames, smoothed; 0: unknown
   double scale = 1.0;       ///< smoothed chi-square per residual of its measurements
   double systematic = 1.0;  ///< learned: see Voter::systematic
+  double unproven = 1.0;    ///< share of the largest systematic variance that it may still have
   bool known = false;
   bool seen = false;     ///< accepted at its last look
   bool refused = false;  ///< contradicted at its last look

@@ -9,12 +9,11 @@
 namespace sightline::fuse {
 namespace {
 
-// The observation belongs to capture + dt with unknown dt of variance v, so its pose error has the
-// covariance v E[twist twist^T] =: V besides its own. With W = (I + information V)^-1 the quadratic
-// of the sum is  information' = W information,  gradient' = W gradient  and a cost lowered by
-// gradient^T V W gradient / 2 (matrix inversion lemma; holds for singular information too).
-void integrate_time_error(const Matrix6& twist_square, double variance, CameraSystem& system) {
-  const Matrix6 spread = variance * twist_square;
+// The observation is off by an unknown pose error of covariance V =: spread besides its own. With
+// W = (I + information V)^-1 the quadratic of the sum is  information' = W information,  gradient'
+// = W gradient  and a cost lowered by gradient^T V W gradient / 2 (matrix inversion lemma; holds
+// for singular information too).
+void integrate_out(const Matrix6& spread, CameraSystem& system) {
   const Eigen::PartialPivLU<Matrix6> mix(Matrix6::Identity() + system.information * spread);
   const Vector6 gradient = mix.solve(system.gradient);
   const Matrix6 information = mix.solve(system.information);
@@ -58,9 +57,15 @@ CameraSystem linearize(const Voter& voter, const Rigid3& world_from_object,
   sum.information *= weight;
   sum.gradient *= weight;
   sum.cost = cost * weight;
-  // A bound on the error is taken as a uniform distribution.
+  // A capture time that is off by dt, of which a bound is known (taken as a uniform distribution),
+  // moves the pose by twist * dt.
   const double bound = to_seconds(voter.observation->capture_error);
-  if (bound > 0) integrate_time_error(twist_square, bound * bound / 3.0, sum);
+  if (bound > 0 || voter.unproven_translation > 0) {
+    Matrix6 spread = bound * bound / 3.0 * twist_square;
+    spread.diagonal().head<3>().array() += voter.unproven_rotation;
+    spread.diagonal().tail<3>().array() += voter.unproven_translation;
+    integrate_out(spread, sum);
+  }
   sum.pose_cost = -0.5 * sum.gradient.dot(sum.to_own_minimum);
   return sum;
 }

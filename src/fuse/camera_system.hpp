@@ -12,6 +12,10 @@ struct Voter {
   /// How much farther the whole picture is off than its corners tell (calibration, stamps): the
   /// covariance of the pose is multiplied by it once more, the residuals' is not. >= 1
   double systematic = 1.0;
+  /// Variances [rad^2, m^2] of a pose error that a camera may have which was not yet compared with
+  /// others; 0: none.
+  double unproven_rotation = 0;
+  double unproven_translation = 0;
 };
 
 /// All terms of one camera, linearised at one pose: cost, gradient and information are divided by

@@ -42,6 +42,11 @@ Status check(const EstimatorOptions& o) {
                              "from 1 to 65536"));
   SL_RETURN_IF_ERROR(
       require(positive(o.max_sigma_translation), "max_sigma_translation", "positive"));
+  SL_RETURN_IF_ERROR(
+      require(positive(o.systematic_translation), "systematic_translation", "positive"));
+  SL_RETURN_IF_ERROR(require(positive(o.systematic_rotation), "systematic_rotation", "positive"));
+  SL_RETURN_IF_ERROR(
+      require(positive(o.max_sigma_translation_alone), "max_sigma_translation_alone", "positive"));
   SL_RETURN_IF_ERROR(require(positive(o.max_sigma_rotation), "max_sigma_rotation", "positive"));
   SL_RETURN_IF_ERROR(require(o.confirm_sets >= 1, "confirm_sets", "1 or more"));
   SL_RETURN_IF_ERROR(require(o.reset_sets >= 1, "reset_sets", "1 or more"));

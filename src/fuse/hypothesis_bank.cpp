@@ -15,7 +15,7 @@ namespace {
 
 constexpr size_t kMaxStarts = 8;         // proposed poses that are tried per set and hypothesis
 constexpr double kSurpriseAlarm = 16.8;  // 99 % of chi-square with 6 dof
-constexpr double kNoSystematic = 1e-3;   // excess of the covariance below which there is none
+constexpr double kNoSystematic = 1e-14;  // [rad^2, m^2]
 constexpr double kSamePose = 4.0;        // squared Mahalanobis distance (6 dof) of one and the same
 
 bool same_pose(const PoseEstimate& a, const PoseEstimate& b) {
@@ -112,19 +112,28 @@ PoseEstimate HypothesisBank::moved_to(Time time, const Hypothesis& hypothesis,
 void HypothesisBank::collect_voters(Time time, std::span<const Observation> set,
                                     const BankState& state) {
   voters_.clear();
+  CameraSet seeing = 0;
+  for (const Observation& observation : set) {
+    if (!observation.terms.empty()) seeing |= camera_bit(observation.camera);
+  }
+  for (CameraSet left = state.known; left != 0; left &= left - 1) {
+    const auto index = static_cast<uint32_t>(std::countr_zero(left));
+    const CameraRecord& record = state.cameras[index];
+    if (record.seen && time - record.last_look <= hold(record, options_)) {
+      seeing |= camera_bit(CameraId(index));
+    }
+  }
+  holding_ = std::popcount(seeing);
+  const bool compared = holding_ > 1;
   for (const Observation& observation : set) {
     if (observation.terms.empty()) continue;
     const CameraRecord& record = state.cameras[observation.camera.index() & 63u];
-    voters_.push_back(
-        {&observation, std::max(1.0, record.scale), std::max(1.0, record.systematic)});
-  }
-  holding_ = 0;
-  for (size_t i = 0; i < state.cameras.size(); ++i) {
-    const CameraRecord& record = state.cameras[i];
-    const bool here = std::any_of(voters_.begin(), voters_.end(), [&](const Voter& voter) {
-      return (voter.observation->camera.index() & 63u) == i;
-    });
-    holding_ += here || (record.seen && time - record.last_look <= hold(record, options_)) ? 1 : 0;
+    Voter voter{&observation, std::max(1.0, record.scale), std::max(1.0, record.systematic), 0, 0};
+    if (compared && options_.learn_systematic) {
+      voter.unproven_rotation = record.unproven * std::pow(options_.systematic_rotation, 2);
+      voter.unproven_translation = record.unproven * std::pow(options_.systematic_translation, 2);
+    }
+    voters_.push_back(voter);
   }
 }
 
@@ -214,7 +223,13 @@ void HypothesisBank::add_outcome(const Hypothesis& moved, Time time) {
     h.estimate.cameras = verdict_.accepted;
     h.estimate.last_measured = time;
     h.confirmations = moved.confirmations + std::popcount(verdict_.accepted);
-    if (options_.adapt_motion) learn(time, verdict_.minimum, holding_, h.corrections, h.motion);
+    if (options_.adapt_motion) {
+      double systematic = 1.0;
+      for (const Voter& voter : verdict_.accepted_voters) {
+        systematic = std::max(systematic, voter.systematic);
+      }
+      learn(time, verdict_.minimum, holding_, systematic, h.corrections, h.motion);
+    }
     add_systematic(h.systematic_information);
   }
   outcomes_.push_back(outcome);
@@ -226,9 +241,15 @@ void HypothesisBank::add_systematic(Matrix6& information) const {
   const double fresh = static_cast<double>(verdict_.accepted_voters.size());
   information *= std::max(0.0, 1.0 - fresh / std::max(1, holding_));
   for (size_t i = 0; i < verdict_.accepted_voters.size(); ++i) {
-    const double scale = verdict_.accepted_voters[i].systematic;
-    information +=
-        verdict_.minimum.systems[i].information * (scale / std::max(scale - 1.0, kNoSystematic));
+    // R' = s R + V is what the update took for white; s R + V - R of it is not.
+    const Voter& voter = verdict_.accepted_voters[i];
+    Matrix6 known = verdict_.minimum.systems[i].information;
+    known.diagonal() += anywhere_covariance().diagonal().cwiseInverse();
+    Matrix6 part = (1.0 - 1.0 / voter.systematic) * known.ldlt().solve(Matrix6::Identity());
+    part.diagonal().head<3>().array() += voter.unproven_rotation / voter.systematic;
+    part.diagonal().tail<3>().array() += voter.unproven_translation / voter.systematic;
+    part.diagonal().array() += kNoSystematic;
+    information += part.ldlt().solve(Matrix6::Identity());
   }
 }
 

@@ -8,10 +8,12 @@
 namespace sightline::fuse {
 namespace {
 
-constexpr double kGain = 0.25;  // of the logarithm, per update
+constexpr double kGain = 0.235;  // of the logarithm, per update
 // Cameras that look within it correct the same prediction: their corrections are one.
 constexpr Duration kTogether = std::chrono::milliseconds(5);
 constexpr double kMinScale = 0.0004;  // a fiftieth of the nominal acceleration
+// Where the cameras contradict one another, nobody can tell that the motion is that calm.
+constexpr double kMinContested = 0.2;
 constexpr double kMaxScale = 4.0;
 constexpr double kLittle = 0.05;  // [dof] below: the set says nothing of the prediction
 
@@ -33,8 +35,8 @@ double alignment(const Matrix6& information, const Vector6& a, const Vector6& b,
   return product > 0 ? x.dot(metric * y) / std::sqrt(product) : 0.0;
 }
 
-double learned(double alignment, double scale) {
-  return std::clamp(scale * std::exp(kGain * alignment), kMinScale, kMaxScale);
+double learned(double alignment, double least, double scale) {
+  return std::clamp(scale * std::exp(kGain * alignment), least, kMaxScale);
 }
 
 double raised(const Surprise& surprise, double scale) {
@@ -57,15 +59,16 @@ MotionNoise scaled(const MotionNoise& nominal, const MotionScale& scale) {
   return {nominal.angular * std::sqrt(scale.angular), nominal.linear * std::sqrt(scale.linear)};
 }
 
-void learn(Time time, const PoseMinimum& minimum, int cameras, MotionMemory& memory,
-           MotionScale& scale) {
+void learn(Time time, const PoseMinimum& minimum, int cameras, double systematic,
+           MotionMemory& memory, MotionScale& scale) {
+  const double least = std::min(kMinContested, kMinScale * systematic);
   if (time - memory.since <= kTogether) {
     memory.offset += minimum.offset;
     return;
   }
   const Matrix6& metric = minimum.prior_information;
-  scale = {learned(alignment(metric, memory.offset, memory.before, 0), scale.angular),
-           learned(alignment(metric, memory.offset, memory.before, 3), scale.linear)};
+  scale = {learned(alignment(metric, memory.offset, memory.before, 0), least, scale.angular),
+           learned(alignment(metric, memory.offset, memory.before, 3), least, scale.linear)};
   const double kept = std::max(0.0, 1.0 - 2.0 / std::max(1, cameras));
   memory = {time, minimum.offset, kept * memory.before + memory.offset};
 }

@@ -28,8 +28,8 @@ MotionNoise scaled(const MotionNoise& nominal, const MotionScale& scale);
 /// "On the identification of variances and adaptive Kalman filtering", 1970). Corrections that go
 /// on in the direction of the one before show that the filter lags, corrections that take the one
 /// before back that it follows the noise, whatever the covariances claim.
-void learn(Time time, const PoseMinimum& minimum, int cameras, MotionMemory& memory,
-           MotionScale& scale);
+void learn(Time time, const PoseMinimum& minimum, int cameras, double systematic,
+           MotionMemory& memory, MotionScale& scale);
 
 /// The scale that would have made a surprising set normal, within [scale, at_least_nominal(scale)].
 MotionScale raised(const Surprises& surprises, const MotionScale& scale);

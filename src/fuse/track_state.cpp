@@ -17,8 +17,10 @@ namespace {
 constexpr double kPeriodSmoothing = 0.2;
 constexpr double kScaleSmoothing = 0.1;
 constexpr double kSystematicGain = 0.2;  // of the logarithm, per frame that agrees perfectly
+constexpr double kProofGain = 1.0;       // the same of the unproven share
+constexpr double kLeastUnproven = 1e-5;
 constexpr double kSystematicJump = 0.7;  // of the logarithm, at most per frame
-constexpr double kSharedBlame = 0.05;    // of the logarithm, per frame
+constexpr double kSharedBlame = 0.15;    // of the logarithm, per frame
 constexpr double kMaxSystematic = 1000;
 // Chance must not look like a systematic error: more than this share above expectation, and the
 // memory of better agreement has to be used up first.
@@ -58,13 +60,13 @@ TrackState classify(Time time, bool contradicted, const EstimatorOptions& option
   const int holding = holding_cameras(time, options, state);
   if (holding == 0) return TrackState::kCoasting;
   const Hypothesis& main = state.hypotheses[0];
-  const double max_sigma =
+  const double limit =
       holding > 1 ? options.max_sigma_translation
                   : std::min(options.max_sigma_translation, options.max_sigma_translation_alone);
   const bool sure = state.count == 1 && !contradicted &&
                     main.confirmations >= options.confirm_sets &&
                     (holding > 1 || !options.one_camera_is_degraded) &&
-                    state.published.sigma_translation() <= max_sigma &&
+                    state.published.sigma_translation() <= limit &&
                     state.published.sigma_rotation() <= options.max_sigma_rotation;
   return sure ? TrackState::kTracking : TrackState::kDegraded;
 }
@@ -135,6 +137,10 @@ bool others_spoke(CameraId camera, CameraSet accepted, const EstimatorOptions& o
 void learn_systematic(const Agreement& agreement, CameraRecord& record) {
   const double step =
       kSystematicGain * (agreement.squared - kSystematicMargin * agreement.expected) / 6.0;
+  const double proof =
+      kProofGain * (agreement.squared - kSystematicMargin * agreement.expected) / 6.0;
+  record.unproven =
+      std::clamp(record.unproven * std::exp(std::min(proof, kSystematicJump)), kLeastUnproven, 1.0);
   record.systematic = std::clamp(record.systematic * std::exp(std::min(step, kSystematicJump)),
                                  kMinSystematic, kMaxSystematic);
 }

@@ -422,40 +422,62 @@ void print(const char* what, const Health& h) {
               static_cast<int>(h.gated), static_cast<int>(h.gated + h.accepted));
 }
 
-// Calibrations that are off by 4 mm and 0.2 degrees, at 0.7 m: the cameras contradict one another
-// by tens of times their noise, in every frame. (An error that all cameras share cannot be seen
-// from within, so limits on the claim hold only while calibrations are this good.)
-TEST(Systematic, BadlyPlacedCamerasAgreeToDiffer) {
-  for (const int cameras : {2, 4}) {
-    for (const double rate : {6.0, 30.0}) {
-      RigOptions options = moving_rig(cameras);
-      options.rate_hz = rate;
-      options.duration = milliseconds(4000);
-      options.place_error = 0.004;
-      options.direction_error = 0.2 / 57.3;
-      options.motion.linear_amplitude = 0.05;
-      options.motion.angular_amplitude = 0.3;
-      options.motion.frequency_hz = 0.4;
-      const Health h = health(options, 20);
-      print((std::to_string(cameras) + " at " + std::to_string(static_cast<int>(rate))).c_str(), h);
-      EXPECT_LE(1000 * static_cast<uint64_t>(h.wrong), h.gated + h.accepted);
-      EXPECT_GT(h.tracking, 0.9);
-      EXPECT_LT(h.error, 0.01);
-      EXPECT_LT(h.worst_speed, 1.0);
+RigOptions badly_placed(int cameras, double rate_hz, double place, double direction_deg) {
+  RigOptions options = moving_rig(cameras);
+  options.rate_hz = rate_hz;
+  options.duration = milliseconds(4000);
+  options.place_error = place;
+  options.direction_error = direction_deg / 57.3;
+  options.motion.linear_amplitude = 0.05;
+  options.motion.angular_amplitude = 0.3;
+  options.motion.frequency_hz = 0.4;
+  return options;
+}
+
+// Calibrations off by far more than the noise: the cameras contradict one another in every frame,
+// free-running ones as if the object jumped to and fro. Half a second after the start nobody is
+// refused for it, no velocity comes of it, and no claim is wrong.
+TEST(Systematic, BadlyPlacedCamerasKeepTheirVotesAndMakeNoSpeed) {
+  struct Case {
+    double place, direction_deg, rms, speed;
+  };
+  for (const Case& c : {Case{0.003, 0.15, 0.004, 0.12}, Case{0.005, 0.25, 0.0065, 0.15},
+                        Case{0.010, 0.50, 0.0125, 0.28}}) {
+    for (const int cameras : {2, 4}) {
+      for (const double rate_hz : {6.0, 30.0}) {
+        const Health h = health(badly_placed(cameras, rate_hz, c.place, c.direction_deg), 20);
+        char name[64];
+        std::snprintf(name, sizeof name, "%d at %2.0f Hz, %2.0f mm", cameras, rate_hz,
+                      1e3 * c.place);
+        print(name, h);
+        EXPECT_GT(h.tracking, 0.97) << name;
+        EXPECT_LT(h.error, c.rms) << name;
+        EXPECT_LT(h.worst_speed, c.speed) << name;
+        EXPECT_LE(h.gated * 100, h.accepted) << name;
+        EXPECT_EQ(h.resets, 0u) << name;
+        // At 10 mm and 0.5 deg, 16 mm in all, nearly every pose is close to a wrong claim.
+        EXPECT_LE(h.wrong, c.place < 0.01 ? 0 : 4) << name;
+      }
     }
   }
 }
 
-TEST(Systematic, StampsThatJitter) {
-  for (const int cameras : {2, 4}) {
-    RigOptions options = moving_rig(cameras);
-    options.duration = milliseconds(4000);
-    options.stamp_jitter = 0.004;
-    const Health h = health(options, 20);
-    print((std::to_string(cameras) + " with 4 ms jitter").c_str(), h);
-    EXPECT_EQ(h.wrong, 0);
-    EXPECT_GT(h.tracking, 0.9);
-    EXPECT_LT(h.error, 0.004);
+// Stamps that are off by more than they say, at up to 0.6 m/s.
+TEST(Systematic, StampsThatJitterKeepTheirVotes) {
+  for (const double jitter : {0.003, 0.008}) {
+    for (const int cameras : {2, 4}) {
+      RigOptions options = moving_rig(cameras);
+      options.duration = milliseconds(4000);
+      options.stamp_jitter = jitter;
+      const Health h = health(options, 20);
+      char name[64];
+      std::snprintf(name, sizeof name, "%d with %.0f ms jitter", cameras, 1e3 * jitter);
+      print(name, h);
+      EXPECT_EQ(h.wrong, 0) << name;
+      EXPECT_GT(h.tracking, 0.97) << name;
+      EXPECT_LE(h.gated * 100, h.accepted) << name;
+      EXPECT_LT(h.normalized, 12) << name;
+    }
   }
 }
 

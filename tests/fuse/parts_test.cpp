@@ -51,7 +51,7 @@ std::vector<Observation> one_set(int cameras, double pixel_sigma, uint64_t seed,
 
 std::vector<Voter> voters_of(const std::vector<Observation>& set) {
   std::vector<Voter> voters;
-  for (const Observation& observation : set) voters.push_back({&observation, 1.0});
+  for (const Observation& observation : set) voters.push_back({&observation, 1.0, 1.0, 0, 0});
   return voters;
 }
 
@@ -66,7 +66,7 @@ Vector6 some_twist() {
 TEST(CameraSystem, GradientAndInformationMatchNumericDerivatives) {
   for (const Duration error : {Duration(0), Duration(std::chrono::milliseconds(3))}) {
     const auto set = one_set(1, 0.3, 3, error);
-    const Voter voter{&set[0], 2.5};
+    const Voter voter{&set[0], 2.5, 1.0, 0, 0};
     Vector6 off;
     off << 0.01, -0.02, 0.015, 0.001, 0.002, -0.001;
     const Rigid3 pose = Rigid3::exp(off);
@@ -88,8 +88,8 @@ TEST(CameraSystem, TimeErrorAddsToTheCovarianceAlongTheTwist) {
   const auto sure = one_set(2, 0.3, 5);
   const auto unsure = one_set(2, 0.3, 5, std::chrono::milliseconds(4));
   const Rigid3 pose;
-  const CameraSystem a = linearize({&sure[0], 1.0}, pose, square(some_twist()));
-  const CameraSystem b = linearize({&unsure[0], 1.0}, pose, square(some_twist()));
+  const CameraSystem a = linearize({&sure[0], 1.0, 1.0, 0, 0}, pose, square(some_twist()));
+  const CameraSystem b = linearize({&unsure[0], 1.0, 1.0, 0, 0}, pose, square(some_twist()));
   const Matrix6 grown =
       a.information.inverse() + 0.004 * 0.004 / 3.0 * some_twist() * some_twist().transpose();
   const Matrix6 expected = grown.inverse();
@@ -109,7 +109,7 @@ TEST(CameraSystem, NumbersThatAreNotFiniteSaySilence) {
   };
   Observation observation;
   observation.terms.push_back(std::make_shared<Broken>());
-  const CameraSystem system = linearize({&observation, 1.0}, Rigid3(), Matrix6::Zero());
+  const CameraSystem system = linearize({&observation, 1.0, 1.0, 0, 0}, Rigid3(), Matrix6::Zero());
   EXPECT_FALSE(system.usable(0.0));
   EXPECT_EQ(system.information.norm(), 0.0);
 }
