@@ -51,4 +51,14 @@ struct CamerasOptions {
 };
 int cameras(const CamerasOptions& options);
 
+struct ModelOptions {
+  std::filesystem::path file;   ///< object file, or mesh
+  double meters_per_unit = 1;   ///< of a mesh
+  std::filesystem::path cache;  ///< folder; empty: the user's
+  bool no_cache = false;
+  std::filesystem::path sheet;  ///< contact sheet (PNG); empty: none
+  bool json = false;
+};
+int model(const ModelOptions& options);
+
 }  // namespace sightline::cli

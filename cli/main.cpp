@@ -73,6 +73,18 @@ int run(int argc, char** argv) {
       ->needs(try_option);
   cameras_command->add_flag("--json", cameras.json, "as JSON");
 
+  cli::ModelOptions model;
+  auto* model_command =
+      app.add_subcommand("model", "make and inspect the viewpoint model of an object");
+  model_command->add_option("FILE", model.file, "object file, or mesh")->required();
+  model_command->add_option("--meters-per-unit", model.meters_per_unit, "of a mesh (default 1)")
+      ->check(CLI::PositiveNumber);
+  model_command->add_option("--sheet", model.sheet, "write a contact sheet (PNG)");
+  auto* cache_option = model_command->add_option("--cache", model.cache, "cache folder");
+  model_command->add_flag("--no-cache", model.no_cache, "make it anew, write nothing")
+      ->excludes(cache_option);
+  model_command->add_flag("--json", model.json, "as JSON");
+
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -84,6 +96,7 @@ int run(int argc, char** argv) {
   if (check_command->parsed()) return cli::check(check);
   if (evaluate_command->parsed()) return cli::evaluate(evaluate);
   if (cameras_command->parsed()) return cli::cameras(cameras);
+  if (model_command->parsed()) return cli::model(model);
   if (replay_command->parsed()) return cli::replay(replay);
   return cli::record(record);
 }

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rig.hpp"
 
-#include "sightline/geometry/mesh.hpp"
-
 namespace sightline {
 namespace {
 
@@ -11,11 +9,10 @@ const CameraConfig& config_of(const Installation& installation, CameraId camera)
   return installation.cameras[camera.index()];
 }
 
-Result<RenderMesh> load_mesh(const std::filesystem::path& path, double meters_per_unit) {
+Result<TriangleMesh> load_mesh(const std::filesystem::path& path, double meters_per_unit) {
   MeshOptions options;
   options.meters_per_unit = meters_per_unit;
-  SL_ASSIGN(const TriangleMesh mesh, read_mesh(path, options));
-  return make_render_mesh(mesh);
+  return read_mesh(path, options);
 }
 
 }  // namespace
@@ -31,14 +28,15 @@ Result<Rig> load_rig(const Installation& installation) {
   Rig rig;
   for (size_t i = 0; i < installation.objects.size(); ++i) {
     const ObjectDescription& description = installation.objects[i].description;
-    SL_ASSIGN(RenderMesh mesh, load_mesh(description.mesh, description.meters_per_unit));
+    SL_ASSIGN(TriangleMesh mesh, load_mesh(description.mesh, description.meters_per_unit));
     rig.objects.push_back({{ObjectId(static_cast<uint32_t>(i)), description.name},
                            description,
-                           std::make_shared<const RenderMesh>(std::move(mesh))});
+                           std::make_shared<const RenderMesh>(make_render_mesh(mesh)),
+                           std::make_shared<const TriangleMesh>(std::move(mesh))});
   }
   for (const auto& path : installation.scene.meshes) {
-    SL_ASSIGN(RenderMesh mesh, load_mesh(path, installation.scene.meters_per_unit));
-    rig.scene.push_back(std::move(mesh));
+    SL_ASSIGN(const TriangleMesh mesh, load_mesh(path, installation.scene.meters_per_unit));
+    rig.scene.push_back(make_render_mesh(mesh));
   }
   return rig;
 }

@@ -6,6 +6,7 @@
 
 #include "sightline/base/result.hpp"
 #include "sightline/config/installation.hpp"
+#include "sightline/geometry/mesh.hpp"
 #include "sightline/model/pose_track.hpp"
 #include "sightline/observe/fiducial_observer.hpp"
 #include "sightline/render/camera_renderer.hpp"
@@ -20,6 +21,7 @@ struct RigObject {
   NamedObject named;
   ObjectDescription description;
   std::shared_ptr<const RenderMesh> mesh;
+  std::shared_ptr<const TriangleMesh> triangles;  ///< the same, as read
 };
 
 /// What all cameras share: the meshes of the objects and of the static scene. Immutable once

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "contact_sheet.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace sightline::cli {
+namespace {
+
+constexpr int kColumns = 8, kRows = 5, kCell = 240;  // [px]
+
+struct Colour {
+  uint8_t y, u, v;
+};
+constexpr Colour kYellow{210, 16, 146}, kGreen{145, 54, 34}, kBlue{120, 200, 90};
+
+class Sheet {
+ public:
+  Sheet() : picture_(std::make_shared<Picture>(kColumns * kCell, kRows * kCell)) {
+    fill(picture_->mutable_view().y, 16);
+    fill(picture_->mutable_view().u, 128);
+    fill(picture_->mutable_view().v, 128);
+  }
+
+  void dot(int x, int y, const Colour& colour) {
+    const MutableI420View view = picture_->mutable_view();
+    if (x < 0 || y < 0 || x >= view.width() || y >= view.height()) return;
+    view.y.row(y)[x] = colour.y;
+    view.u.row(y / 2)[x / 2] = colour.u;
+    view.v.row(y / 2)[x / 2] = colour.v;
+  }
+  const std::shared_ptr<Picture>& picture() const { return picture_; }
+
+ private:
+  static void fill(const MutablePlaneView& plane, uint8_t value) {
+    for (int y = 0; y < plane.height; ++y) std::fill_n(plane.row(y), plane.width, value);
+  }
+  std::shared_ptr<Picture> picture_;
+};
+
+Result<CameraModel> sheet_camera(const ViewpointModel& model) {
+  CameraModel::Parameters parameters;
+  parameters.width = parameters.height = kCell;
+  parameters.fx = parameters.fy =
+      0.46 * kCell / std::tan(std::asin(1 / model.options().distance_radii));
+  parameters.cx = parameters.cy = 0.5 * (kCell - 1);
+  return CameraModel::create(parameters, "contact sheet");
+}
+
+class CellPainter {
+ public:
+  CellPainter(Sheet& sheet, const CameraModel& camera, const View& view, int left, int top)
+      : sheet_(sheet), camera_(camera), view_(view), left_(left), top_(top) {}
+
+  void depth(const DepthTile& tile, const ViewpointModel& model) {
+    const double middle = model.options().distance_radii * model.radius();
+    for (int y = 0; y < tile.height; ++y) {
+      for (int x = 0; x < tile.width; ++x) {
+        const float inverse = tile.row(y)[x];
+        if (!(inverse > 0)) continue;
+        const double nearness = (middle - 1 / double{inverse}) / model.radius();
+        const double level = std::clamp(90 + 55 * nearness, 30.0, 150.0);
+        sheet_.dot(left_ + tile.x + x, top_ + tile.y + y, {static_cast<uint8_t>(level), 128, 128});
+      }
+    }
+  }
+  void point(const Eigen::Vector3f& point_in_object, const Colour& colour) {
+    const auto pixel = camera_.project(view_.camera_from_object * point_in_object.cast<double>());
+    if (!pixel) return;
+    sheet_.dot(left_ + static_cast<int>(std::lround(pixel->x())),
+               top_ + static_cast<int>(std::lround(pixel->y())), colour);
+  }
+  void stroke(const Eigen::Vector3f& start, const Eigen::Vector3f& along, float length,
+              const Colour& colour) {
+    for (int i = 0; i <= 6; ++i) point(start + static_cast<float>(i) / 6 * length * along, colour);
+  }
+
+ private:
+  Sheet& sheet_;
+  const CameraModel& camera_;
+  const View& view_;
+  int left_, top_;
+};
+
+}  // namespace
+
+Result<std::shared_ptr<const Picture>> draw_contact_sheet(const ViewpointModel& model,
+                                                          const DepthRendererFactory& factory) {
+  SL_ASSIGN(const CameraModel camera, sheet_camera(model));
+  const std::unique_ptr<DepthRenderer> renderer = factory(camera);
+  const auto pixel = static_cast<float>(2 * model.radius() / (0.92 * kCell));
+  Sheet sheet;
+  for (int i = 0; i < kColumns * kRows; ++i) {
+    const size_t index = model.size() * static_cast<size_t>(i) / (kColumns * kRows);
+    const View view = model.view(index);
+    CellPainter painter(sheet, camera, view, i % kColumns * kCell, i / kColumns * kCell);
+    painter.depth(renderer->render(view.camera_from_object), model);
+    for (const InnerEdgeSample& edge : view.edges) {
+      const Colour& colour = edge.crease != 0 ? kGreen : kBlue;
+      painter.stroke(edge.point, edge.tangent, 2 * pixel, colour);
+    }
+    for (const ContourSample& sample : view.contour) {
+      painter.stroke(sample.point, sample.normal, 4 * pixel, kYellow);
+    }
+  }
+  return std::shared_ptr<const Picture>(sheet.picture());
+}
+
+}  // namespace sightline::cli
