@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace sightline::cli {
 
@@ -60,5 +61,23 @@ struct ModelOptions {
   bool json = false;
 };
 int model(const ModelOptions& options);
+
+struct SuperimposeOptions {
+  std::vector<std::string> points;    ///< FILE, edges:FILE, corners:FILE
+  std::string from;                   ///< camera whose frame the points are in
+  std::string to;                     ///< camera of the picture
+  std::string points_frame = "from";  ///< or "world", or "to"
+  std::filesystem::path image, out;
+  std::filesystem::path table;       ///< CSV; empty: to stdout
+  std::string marker = "rectangle";  ///< or "circle", or "none"
+  std::filesystem::path mesh;        ///< empty: none
+  std::vector<double> pose;          ///< of the mesh, in the frame of the points
+  std::vector<std::string> style = {"fill", "outline", "wireframe"};  ///< of the mesh
+  std::vector<std::filesystem::path> scene;                           ///< meshes in the world
+  double points_unit = 1, camera_unit = 1, mesh_unit = 1;             ///< [m]
+  bool skip_behind = false;
+  bool json = false;
+};
+int superimpose(const SuperimposeOptions& options);
 
 }  // namespace sightline::cli

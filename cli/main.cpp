@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
+#include <map>
 #include <string>
 
 #include "commands.hpp"
@@ -16,6 +17,57 @@ using namespace sightline;
 // CLI11 reports its own errors with many numbers; ours are 0 and 2 (wrong usage).
 int exit_status_of(const CLI::App& app, const CLI::ParseError& error) {
   return app.exit(error) == 0 ? 0 : 2;
+}
+
+// Units of length that people keep files in.
+CLI::CheckedTransformer unit_of_length() {
+  return CLI::CheckedTransformer(
+      std::map<std::string, double>{{"m", 1.0}, {"cm", 0.01}, {"mm", 0.001}, {"in", 0.0254}});
+}
+
+void add_superimpose(CLI::App& app, cli::SuperimposeOptions& options) {
+  auto* command = app.add_subcommand(
+      "superimpose", "draw points or a mesh, known in one camera's frame, into another's picture");
+  command
+      ->add_option("--points", options.points,
+                   "file of points, x y z a line; edges:FILE or corners:FILE say of what")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  command->add_option("--from", options.from,
+                      "camera file whose frame the points are in (OpenCV, or FILE.toml#NAME)");
+  command->add_option("--to", options.to, "camera file of the picture")->required();
+  command->add_option("--image", options.image, "the picture (PNG, JPEG, ...)")->required();
+  command->add_option("--out", options.out, "PNG to write")->required();
+  command->add_option("--table", options.table,
+                      "write the projected points here (default: stdout)");
+  command
+      ->add_option("--points-frame", options.points_frame,
+                   "frame of the points and the pose: from (default), world, or to if they are in "
+                   "the third camera's already")
+      ->check(CLI::IsMember({"from", "world", "to"}));
+  command->add_option("--marker", options.marker, "around the points: rectangle, circle, none")
+      ->check(CLI::IsMember({"rectangle", "circle", "none"}));
+  auto* mesh = command->add_option("--mesh", options.mesh, "mesh to draw, hidden surfaces removed");
+  command
+      ->add_option("--pose", options.pose,
+                   "of the mesh: tx ty tz qw qx qy qz, or rvec and tvec (6 numbers)")
+      ->expected(6, 7)
+      ->needs(mesh);
+  command->add_option("--style", options.style, "of the mesh: names of the overlay's marks")
+      ->delimiter(',')
+      ->needs(mesh);
+  command->add_option("--scene", options.scene, "mesh in world coordinates that hides things")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  command->add_option("--points-unit", options.points_unit, "m (default), cm, mm, in")
+      ->transform(unit_of_length());
+  command->add_option("--camera-unit", options.camera_unit, "of the poses in OpenCV's files")
+      ->transform(unit_of_length());
+  command->add_option("--mesh-unit", options.mesh_unit, "of mesh and scene files")
+      ->transform(unit_of_length());
+  command->add_flag("--skip-behind", options.skip_behind,
+                    "leave out points that the camera cannot picture instead of refusing them");
+  command->add_flag("--json", options.json, "summary as JSON");
 }
 
 int run(int argc, char** argv) {
@@ -85,6 +137,9 @@ int run(int argc, char** argv) {
       ->excludes(cache_option);
   model_command->add_flag("--json", model.json, "as JSON");
 
+  cli::SuperimposeOptions superimpose;
+  add_superimpose(app, superimpose);
+
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -97,6 +152,7 @@ int run(int argc, char** argv) {
   if (evaluate_command->parsed()) return cli::evaluate(evaluate);
   if (cameras_command->parsed()) return cli::cameras(cameras);
   if (model_command->parsed()) return cli::model(model);
+  if (app.got_subcommand("superimpose")) return cli::superimpose(superimpose);
   if (replay_command->parsed()) return cli::replay(replay);
   return cli::record(record);
 }

@@ -2,7 +2,9 @@
 #include "sightline/calibrate/opencv_camera.hpp"
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cmath>
+#include <exception>
 #include <initializer_list>
 #include <opencv2/core.hpp>
 #include <vector>
@@ -13,6 +15,8 @@ namespace sightline {
 namespace {
 
 constexpr size_t kMaxBytes = 4u << 20;  // a camera file is a page of numbers
+
+constexpr int kMostNumbers = 64;
 
 using Names = std::initializer_list<const char*>;
 
@@ -56,6 +60,13 @@ class CameraFile {
     const cv::FileNode node = find(names, &out.name);
     if (node.empty()) return std::optional<Numbers>();
     if (node.isMap() && !node["data"].empty()) {
+      // Before OpenCV believes a wrong size and allocates it.
+      const int rows = node["rows"].isInt() ? static_cast<int>(node["rows"]) : 0;
+      const int columns = node["cols"].isInt() ? static_cast<int>(node["cols"]) : 0;
+      if (rows < 1 || columns < 1 || rows > kMostNumbers || columns > kMostNumbers ||
+          node["data"].size() != static_cast<size_t>(rows * columns)) {
+        return fault("{} does not hold the rows and cols that it says", out.name);
+      }
       cv::Mat matrix;
       node >> matrix;
       if (matrix.empty() || matrix.channels() != 1) return fault("{} is not a matrix", out.name);
@@ -266,6 +277,8 @@ Result<CalibratedCamera> parse_opencv_camera(const std::string& text, const std:
     return read_camera(CameraFile(storage.root(), where), defaults);
   } catch (const cv::Exception& error) {
     return make_error(ErrorCode::kInvalidInput, where, "OpenCV cannot read it: {}", error.err);
+  } catch (const std::exception& error) {  // its parser has some of these in store, too
+    return make_error(ErrorCode::kInvalidInput, where, "OpenCV cannot read it: {}", error.what());
   }
 }
 

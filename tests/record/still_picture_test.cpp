@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sightline/record/still_picture.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "../support/matchers.hpp"
+#include "sightline/base/files.hpp"
+#include "sightline/record/overlay_video.hpp"
+
+namespace sightline {
+namespace {
+
+using test::FailsWith;
+using test::IsOk;
+
+// Smooth, so that halved chroma loses nothing.
+std::shared_ptr<Picture> ramp(int width, int height) {
+  auto picture = std::make_shared<Picture>(width, height);
+  const auto view = picture->mutable_view();
+  const auto fill = [](const MutablePlaneView& plane, int low, int across, int down) {
+    for (int y = 0; y < plane.height; ++y) {
+      for (int x = 0; x < plane.width; ++x) {
+        plane.row(y)[x] =
+            static_cast<uint8_t>(low + across * x / plane.width + down * y / plane.height);
+      }
+    }
+  };
+  fill(view.y, 60, 80, 60);
+  fill(view.u, 110, 30, 0);
+  fill(view.v, 115, 0, 25);
+  return picture;
+}
+
+class StillPicture : public testing::Test {
+ protected:
+  std::filesystem::path path(const std::string& name) {
+    const auto folder = std::filesystem::path(testing::TempDir()) / "still_picture_test";
+    std::filesystem::create_directories(folder);
+    return folder / name;
+  }
+};
+
+TEST_F(StillPicture, ComesBackFromPng) {
+  for (const auto& [width, height] : {std::pair(64, 48), std::pair(63, 47), std::pair(1, 1)}) {
+    const auto written = ramp(width, height);
+    ASSERT_THAT(write_png(path("a.png"), written->view()), IsOk());
+    const auto read = read_picture(path("a.png"));
+    ASSERT_THAT(read, IsOk());
+    ASSERT_EQ((*read)->width(), width);
+    ASSERT_EQ((*read)->height(), height);
+    int worst = 0;
+    for (int y = 0; y < height; ++y) {
+      for (int x = 0; x < width; ++x) {
+        worst =
+            std::max(worst, std::abs((*read)->view().y.row(y)[x] - written->view().y.row(y)[x]));
+      }
+    }
+    EXPECT_LE(worst, 3) << width;
+  }
+}
+
+TEST_F(StillPicture, PortableGreymapIsRead) {
+  const auto read =
+      parse_picture(std::string("P5\n2 2\n255\n") + std::string("\x00\xff\x80\x40", 4), "a.pgm");
+  ASSERT_THAT(read, IsOk());
+  EXPECT_EQ((*read)->view().y.row(0)[0], 16);
+  EXPECT_EQ((*read)->view().y.row(0)[1], 235);
+}
+
+TEST_F(StillPicture, RefusesByName) {
+  EXPECT_THAT(read_picture("/nowhere/a.png"), FailsWith("/nowhere/a.png"));
+  EXPECT_THAT(parse_picture("GIF89a", "a.gif"), FailsWith("a.gif: is none of"));
+  EXPECT_THAT(parse_picture("", "a.png"), FailsWith("a.png"));
+  ASSERT_THAT(write_png(path("b.png"), ramp(64, 48)->view()), IsOk());
+  const auto whole = read_file(path("b.png"));
+  ASSERT_THAT(whole, IsOk());
+  for (const size_t length : {size_t{8}, size_t{20}, size_t{60}, whole->size() / 2}) {
+    EXPECT_THAT(parse_picture(whole->substr(0, length), "cut.png"), FailsWith("cut.png")) << length;
+  }
+}
+
+}  // namespace
+}  // namespace sightline
