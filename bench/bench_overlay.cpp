@@ -82,16 +82,23 @@ double thread_cpu_ms() {
 }
 
 /// Frames per iteration set: medians need single frames, so each iteration is one frame.
-void overlay(benchmark::State& state, const OverlayStyle& style, bool copy) {
+void overlay(benchmark::State& state, const OverlayStyle& style, bool copy,
+             RasterChoice backend = RasterChoice::kCpu) {
   const int height = static_cast<int>(state.range(0));
   const auto faces = static_cast<size_t>(state.range(1));
   const Rig& at = rig(height);
   const auto mesh = std::make_shared<RenderMesh>(
       make_render_mesh(make_bumpy_torus(faces, static_cast<float>(kRadius))));
-  auto renderer =
+  RenderOptions options;
+  options.backend = backend;
+  auto created =
       CameraRenderer::create(at.calibrated, CameraId(0), {{ObjectId(0), "torus", mesh, style}},
-                             at.rays, at.depth, {})
-          .value();
+                             at.rays, at.depth, options);
+  if (!created) {
+    state.SkipWithError(created.error().message().c_str());
+    return;
+  }
+  const auto renderer = *std::move(created);
   Picture frame(at.calibrated.model.width(), height);
   Picture out(at.calibrated.model.width(), height);
   std::vector<PoseTrackPtr> tracks;
@@ -116,6 +123,9 @@ void overlay(benchmark::State& state, const OverlayStyle& style, bool copy) {
 
 void everything(benchmark::State& state) { overlay(state, full_style(), false); }
 void everything_and_frame_copy(benchmark::State& state) { overlay(state, full_style(), true); }
+void everything_on_egl(benchmark::State& state) {
+  overlay(state, full_style(), false, RasterChoice::kEgl);
+}
 void default_style(benchmark::State& state) { overlay(state, OverlayStyle{}, false); }
 
 /// One style alone, at 720p and 10k triangles.
@@ -129,6 +139,9 @@ BENCHMARK(everything)
     ->ArgNames({"height", "faces"})
     ->ArgsProduct({{720, 1080}, {1000, 10000, 100000}});
 BENCHMARK(everything_and_frame_copy)
+    ->ArgNames({"height", "faces"})
+    ->ArgsProduct({{720, 1080}, {1000, 10000, 100000}});
+BENCHMARK(everything_on_egl)
     ->ArgNames({"height", "faces"})
     ->ArgsProduct({{720, 1080}, {1000, 10000, 100000}});
 BENCHMARK(default_style)->ArgNames({"height", "faces"})->Args({720, 10000});

@@ -182,7 +182,7 @@ std::string InstallationChanges::summary() const {
   if (camera_ids) parts.emplace_back("order of cameras");
   if (object_ids) parts.emplace_back("order of objects");
   const std::pair<bool, const char*> sections[] = {
-      {scene, "scene"},     {render, "overlay font and depth"},
+      {scene, "scene"},     {render, "overlay backend, font and depth"},
       {observe, "observe"}, {estimator, "estimator"},
       {rtsp, "rtsp"},       {encoder, "encoder"},
       {http, "http"},       {record, "record"},

@@ -22,6 +22,8 @@ inline constexpr Choices<log::Level, 4> kLogLevels{{{"debug", log::Level::kDebug
                                                     {"info", log::Level::kInfo},
                                                     {"warning", log::Level::kWarning},
                                                     {"error", log::Level::kError}}};
+inline constexpr Choices<RasterChoice, 3> kRasterChoices{
+    {{"auto", RasterChoice::kAuto}, {"cpu", RasterChoice::kCpu}, {"egl", RasterChoice::kEgl}}};
 inline constexpr Choices<RawStorage, 2> kRawStorages{
     {{"raw", RawStorage::kRaw}, {"ffv1", RawStorage::kFfv1}}};
 
@@ -90,6 +92,7 @@ void visit(Visitor& v, OverlayStyle& s) {
 /// The part of [overlay] that cannot differ from camera to camera.
 template <typename Visitor>
 void visit(Visitor& v, RenderOptions& s) {
+  v.choice("backend", s.backend, kRasterChoices);
   v.file("font_file", s.font_file);
   v.number("depth_tolerance", s.depth_tolerance, 0, 0.5, "a share of the range");
 }

@@ -98,14 +98,16 @@ class CameraRenderer::Impl {
  public:
   Impl(CalibratedCamera calibrated, CameraId camera_id, std::vector<OverlayObject> shown,
        std::shared_ptr<const RayTable> rays, std::shared_ptr<const StaticDepth> static_depth,
-       const RenderOptions& render_options)
+       std::shared_ptr<const RasterDevice> device, const RenderOptions& render_options)
       : id(camera_id),
         objects(std::move(shown)),
         camera_(std::move(calibrated)),
         camera_from_world_(camera_.world_from_camera.inverse()),
         scene_(std::move(static_depth)),
         options_(render_options),
-        rasterizer_(std::move(rays)),
+        rays_(std::move(rays)),
+        device_(std::move(device)),
+        rasterizer_(device_->make_backend(rays_)),
         compositor_(camera_.model.width(), camera_.model.height()),
         remembered_(objects.size()),
         fonts_(objects.size(), nullptr) {
@@ -261,9 +263,11 @@ class CameraRenderer::Impl {
 
   TileCoverage draw_tile(const Subject& subject) {
     const OverlayStyle& style = subject.object.style;
-    rasterizer_.render(*subject.object.mesh, subject.camera_from_object, TileCompositor::kMargin,
-                       tile_);
+    const RenderMesh& mesh = *subject.object.mesh;
+    tile_.reset(rasterizer_->bounds(mesh, subject.camera_from_object, TileCompositor::kMargin));
     if (tile_.rect().empty()) return {};
+    const Status drawn = rasterizer_->draw(mesh, subject.camera_from_object, tile_);
+    SL_CHECK(drawn.has_value(), "a device's rasteriser does not fail");
     const TileCoverage coverage = compositor_.classify(tile_, scene_.get(), subject.hide_factor);
     if (coverage.bounds.empty() || (!style.fill && !style.outline)) return coverage;
     TilePaint paint;
@@ -282,9 +286,8 @@ class CameraRenderer::Impl {
     if (style.wireframe && !tile_.rect().empty()) draw_wireframe(subject);
     if (style.box3d) {
       pieces_.clear();
-      marks::add_box(rasterizer_.rays(), scene_.get(), subject.hide_factor,
-                     subject.camera_from_object, mesh.min_corner.cast<double>(),
-                     mesh.max_corner.cast<double>(), pieces_);
+      marks::add_box(*rays_, scene_.get(), subject.hide_factor, subject.camera_from_object,
+                     mesh.min_corner.cast<double>(), mesh.max_corner.cast<double>(), pieces_);
       draw_with_halo(subject.look);
     }
     if (style.axes) draw_axes(subject);
@@ -299,8 +302,7 @@ class CameraRenderer::Impl {
   /// Feature edges that the object itself does not hide.
   void draw_wireframe(const Subject& subject) {
     edges_.clear();
-    visible_edges(rasterizer_.rays(), *subject.object.mesh, subject.camera_from_object, tile_,
-                  edges_);
+    visible_edges(*rays_, *subject.object.mesh, subject.camera_from_object, tile_, edges_);
     pieces_.clear();
     for (const EdgeSegment& edge : edges_) {
       if (edge.visible) add_seen_edge(edge);
@@ -341,8 +343,7 @@ class CameraRenderer::Impl {
     std::ranges::sort(order, [&](int a, int b) { return tip(a).z() > tip(b).z(); });
     for (const int axis : order) {
       pieces_.clear();
-      marks::add_line(rasterizer_.rays(), scene_.get(), subject.hide_factor, origin, tip(axis), 0,
-                      0, pieces_);
+      marks::add_line(*rays_, scene_.get(), subject.hide_factor, origin, tip(axis), 0, 0, pieces_);
       marks::Look look = subject.look;
       look.color = look.xray_color = hues[static_cast<size_t>(axis)];
       draw_with_halo(look);
@@ -491,7 +492,9 @@ class CameraRenderer::Impl {
   const std::shared_ptr<const StaticDepth> scene_;
   const RenderOptions options_;
 
-  MeshRasterizer rasterizer_;
+  const std::shared_ptr<const RayTable> rays_;
+  const std::shared_ptr<const RasterDevice> device_;
+  const std::unique_ptr<RasterBackend> rasterizer_;
   RasterTile tile_;
   TileCompositor compositor_;
   std::vector<EdgeSegment> edges_;
@@ -517,8 +520,9 @@ Result<std::unique_ptr<CameraRenderer>> CameraRenderer::create(
   for (const OverlayObject& object : objects) {
     SL_RETURN_IF_ERROR(check_style(object, camera.name));
   }
+  SL_ASSIGN(auto device, RasterDevice::open(options.backend));
   auto impl = std::make_unique<Impl>(camera, id, std::move(objects), std::move(rays),
-                                     std::move(static_depth), options);
+                                     std::move(static_depth), std::move(device), options);
   SL_RETURN_IF_ERROR(impl->load_fonts());
   return std::unique_ptr<CameraRenderer>(new CameraRenderer(std::move(impl)));
 }

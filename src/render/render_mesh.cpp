@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <numeric>
 
@@ -105,7 +106,9 @@ void find_feature_edges(float crease_angle, RenderMesh& mesh) {
 }  // namespace
 
 RenderMesh make_render_mesh(const TriangleMesh& source, const RenderMeshOptions& options) {
+  static std::atomic<uint64_t> count{0};
   RenderMesh mesh;
+  mesh.serial = ++count;
   const std::vector<uint32_t> joined = join_vertices(source.vertices, mesh);
   for (size_t f = 0; f < source.faces.size(); ++f) add_face(source, f, joined, mesh);
   find_feature_edges(options.crease_angle, mesh);

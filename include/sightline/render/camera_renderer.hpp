@@ -14,6 +14,7 @@
 #include "sightline/image/planes.hpp"
 #include "sightline/model/pose_track.hpp"
 #include "sightline/render/overlay_style.hpp"
+#include "sightline/render/raster_device.hpp"
 
 namespace sightline {
 
@@ -30,6 +31,7 @@ struct OverlayObject {
 };
 
 struct RenderOptions {
+  RasterChoice backend = RasterChoice::kAuto;
   /// TrueType or OpenType file; empty: DejaVu Sans where Debian's fonts-dejavu-core puts it.
   std::filesystem::path font_file;
   /// The scene hides the object where it is nearer by more than this share of the range ...
@@ -46,7 +48,8 @@ class CameraRenderer {
  public:
   /// `static_depth` may be null: then nothing is hidden. Refused: a ray table or static depth of
   /// another size than the camera, an object without mesh, style numbers out of range, a font that
-  /// cannot be read (only asked for if a style writes text).
+  /// cannot be read (only asked for if a style writes text). kUnavailable: backend kEgl without
+  /// EGL.
   static Result<std::unique_ptr<CameraRenderer>> create(
       const CalibratedCamera& camera, CameraId id, std::vector<OverlayObject> objects,
       std::shared_ptr<const RayTable> rays, std::shared_ptr<const StaticDepth> static_depth,

@@ -35,6 +35,7 @@ struct RenderMesh {
   Eigen::Vector3f center = Eigen::Vector3f::Zero();  ///< of the bounding sphere
   float radius = 0;                                  ///< of the bounding sphere
   bool cull_back_faces = false;                      ///< closed, and not asked to be two-sided
+  uint64_t serial = 0;  ///< of the mesh in this process, for copies of it on a GPU
 
   size_t vertex_count() const { return x.size(); }
   Eigen::Vector3d vertex(uint32_t i) const { return {x[i], y[i], z[i]}; }
