@@ -26,6 +26,17 @@ void sleep_unless_stopped(std::stop_token stop, Duration duration) {
   never.wait_for(lock, stop, duration, [] { return false; });
 }
 
+// Waiting for a camera is progress: the longest back-off is as long as a thread may be silent.
+void wait_to_reopen(std::stop_token stop, Heartbeat& heartbeat, Duration& backoff) {
+  const Time end = MonotonicClock::now() + backoff;
+  for (Time now = MonotonicClock::now(); now < end && !stop.stop_requested();
+       now = MonotonicClock::now()) {
+    heartbeat.beat();
+    sleep_unless_stopped(stop, std::min<Duration>(end - now, kTurn));
+  }
+  backoff = std::min(backoff * 2, kLongestBackoff);
+}
+
 Labels camera_labels(const std::string& name) { return {{"camera", name}}; }
 Labels stage_labels(const std::string& name, const char* stage) {
   return {{"camera", name}, {"stage", stage}};
@@ -146,7 +157,8 @@ void CameraUnit::note_signal() {
   problem_.clear();
 }
 
-std::unique_ptr<FrameSource> CameraUnit::open_or_wait(std::stop_token stop, Duration& backoff) {
+std::unique_ptr<FrameSource> CameraUnit::open_or_wait(std::stop_token stop, Heartbeat& heartbeat,
+                                                      Duration& backoff) {
   auto opened = parts_.open_source();
   if (opened) {
     reopened_.add();
@@ -160,8 +172,7 @@ std::unique_ptr<FrameSource> CameraUnit::open_or_wait(std::stop_token stop, Dura
   }
   signal_.source_gone();
   note_problem(cause_of(opened.error(), "absent"), opened.error());
-  sleep_unless_stopped(stop, backoff);
-  backoff = std::min(backoff * 2, kLongestBackoff);
+  wait_to_reopen(stop, heartbeat, backoff);
   return nullptr;
 }
 
@@ -199,14 +210,13 @@ void CameraUnit::capture(std::stop_token stop, Heartbeat& heartbeat) {
   while (!stop.stop_requested()) {
     heartbeat.beat();
     if (!source) {
-      source = open_or_wait(stop, backoff);
+      source = open_or_wait(stop, heartbeat, backoff);
       continue;
     }
     const auto step = take(*source, stop);
     if (!step) {
       lose_source(source, step.error());
-      sleep_unless_stopped(stop, backoff);
-      backoff = std::min(backoff * 2, kLongestBackoff);
+      wait_to_reopen(stop, heartbeat, backoff);
       continue;
     }
     if (step->kind == SourceStep::Kind::kEnd) {

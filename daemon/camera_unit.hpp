@@ -82,7 +82,8 @@ class CameraUnit {
   void draw(std::stop_token stop, Heartbeat& heartbeat);
   void draw_one(const FramePtr& frame, CameraRenderer& renderer);
   void draw_no_signal(Time since);
-  std::unique_ptr<FrameSource> open_or_wait(std::stop_token stop, Duration& backoff);
+  std::unique_ptr<FrameSource> open_or_wait(std::stop_token stop, Heartbeat& heartbeat,
+                                            Duration& backoff);
   /// One turn with an open source; an Error if it is of no use any more.
   Result<SourceStep> take(FrameSource& source, std::stop_token stop);
   void lose_source(std::unique_ptr<FrameSource>& source, const Error& error);

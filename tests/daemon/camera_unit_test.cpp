@@ -181,6 +181,15 @@ TEST_F(CameraUnitTest, AbsentFromTheStartTheStreamIsUpAllTheSame) {
   EXPECT_EQ(unit_->status().problem, "");
 }
 
+TEST_F(CameraUnitTest, WaitingForAnAbsentCameraIsNoHang) {
+  start(Script::Mode::kAbsent);
+  // Until the fourth wait, of two seconds, is over; the limit of a silent thread is five.
+  EXPECT_TRUE(eventually([&] {
+    EXPECT_TRUE(beats_.stalled(MonotonicClock::now() + 3300ms).empty());
+    return lost_by("absent") >= 5 || HasFailure();
+  }));
+}
+
 TEST_F(CameraUnitTest, GoneLaterItShowsTheLastFrameAndClaimsNoOther) {
   start(Script::Mode::kFrames);
   ASSERT_TRUE(frames_flow());

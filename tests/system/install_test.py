@@ -14,6 +14,7 @@ class Install(TemporaryFolder):
         subprocess.run(["cmake", "--install", os.path.dirname(BIN), "--prefix", self.path("usr")], check=True,
                        stdout=subprocess.DEVNULL, timeout=WAIT_S)
         for name in ("bin/sightlined", "bin/sightline", "lib/systemd/system/sightlined.service",
+                     "lib/udev/rules.d/70-sightline.rules",
                      "share/man/man1/sightline.1", "share/man/man8/sightlined.8",
                      "share/doc/sightline/examples/sightline.example.toml", "share/doc/sightline/README.md"):
             self.assertTrue(os.path.exists(self.path("usr", name)), name)
