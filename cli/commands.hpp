@@ -31,6 +31,7 @@ struct ReplayOptions {
   std::filesystem::path poses;        ///< empty: none
   std::filesystem::path overlay;      ///< folder of videos; empty: none
   std::filesystem::path overlay_png;  ///< folder of pictures; empty: none
+  std::filesystem::path points;       ///< PLY of stereo points; empty: none
   bool realtime = false;
   bool json = false;
 };

@@ -100,6 +100,8 @@ int run(int argc, char** argv) {
                              "write CAMERA.mkv as streamed to this folder");
   replay_command->add_option("--overlay-png", replay.overlay_png,
                              "write single pictures to this folder");
+  replay_command->add_option("--points", replay.points,
+                             "write points that pairs of cameras reconstruct here (PLY)");
   replay_command->add_flag("--realtime", replay.realtime, "at the recording's own pace");
   replay_command->add_flag("--json", replay.json, "summary as JSON");
 

@@ -10,6 +10,7 @@
 
 #include "rig.hpp"
 #include "sightline/geometry/mesh_distance.hpp"
+#include "sightline/model/depth_renderer.hpp"
 #include "sightline/model/frame.hpp"
 #include "sightline/observe/stereo_points.hpp"
 #include "sightline/record/point_cloud.hpp"
@@ -40,7 +41,6 @@ class PointCollector {
             std::span<const PoseTrackPtr> tracks);
   /// Marks of the newest points in a camera's picture at `capture`; none older than 50 ms.
   void marks(CameraId camera, Time capture, std::vector<PointMark>& out) const;
-  const DepthScale& scale() const { return scale_; }
   /// Everything so far, coloured by the distance from the first camera of its pair.
   Status write(const std::filesystem::path& path) const;
   PointSummary summary() const;
@@ -56,13 +56,13 @@ class PointCollector {
     Eigen::Vector3d center;
     double radius = 0;
     std::unique_ptr<MeshDistance> surface;
-    std::shared_ptr<const RenderMesh> mesh;
-    std::map<std::pair<size_t, size_t>, Time> done;  ///< newest time of every pair
+    std::vector<std::unique_ptr<DepthRenderer>> outline;  ///< by CameraId
+    std::map<std::pair<size_t, size_t>, Time> done;       ///< newest time of every pair
   };
   void look(Object& object, const PoseTrack& track);
   void find(Object& object, const PoseTrack& track, size_t first, size_t second);
-  void judge(const Object& object, const Rigid3& world_from_object, const CalibratedCamera& camera,
-             std::span<const ScenePoint> points);
+  void judge(const Object& object, const Rigid3& world_from_object, size_t camera,
+             const Rigid3& world_from_camera, std::span<const ScenePoint> points);
 
   std::vector<CalibratedCamera> cameras_;  ///< by CameraId
   std::vector<FramePtr> newest_;           ///< by CameraId

@@ -45,8 +45,9 @@ Result<ReplaySummary> run(const ReplayOptions& options) {
   if (!options.poses.empty()) {
     SL_ASSIGN(log, PoseLogWriter::create(options.poses));
   }
-  SL_ASSIGN(auto pipeline, ReplayPipeline::create(installation, recording, log.get(),
-                                                  {options.overlay, options.overlay_png}));
+  SL_ASSIGN(auto pipeline,
+            ReplayPipeline::create(installation, recording, log.get(),
+                                   {options.overlay, options.overlay_png, options.points}));
   SL_ASSIGN(auto replay, VirtualReplay::open(recording));
   ProgressBar bar("replay", recording->frame_count());
   Pace pace(options.realtime);
@@ -61,12 +62,23 @@ Result<ReplaySummary> run(const ReplayOptions& options) {
   return pipeline->summary();
 }
 
+Json to_json(const PointSummary& points) {
+  return Json{{"points", points.points},
+              {"corners", points.corners},
+              {"pairs_of_pictures", points.sets},
+              {"on_object", points.on_object},
+              {"to_mesh_median_mm", points.median_mm},
+              {"to_mesh_p90_mm", points.p90_mm}};
+}
+
 Json to_json(const ReplaySummary& summary) {
-  return Json{{"frames", summary.frames},
-              {"sets", summary.sets},
-              {"rows_by_state", summary.rows_by_state},
-              {"observe_cpu_ms", summary.observe_cpu_ms},
-              {"fuse_cpu_ms", summary.fuse_cpu_ms}};
+  Json json{{"frames", summary.frames},
+            {"sets", summary.sets},
+            {"rows_by_state", summary.rows_by_state},
+            {"observe_cpu_ms", summary.observe_cpu_ms},
+            {"fuse_cpu_ms", summary.fuse_cpu_ms}};
+  if (summary.points) json["stereo_points"] = to_json(*summary.points);
+  return json;
 }
 
 std::string to_text(const ReplaySummary& summary) {
@@ -78,6 +90,13 @@ std::string to_text(const ReplaySummary& summary) {
     text += object + ":";
     for (const auto& [state, rows] : states) text += fmt::format(" {} {}", rows, state);
     text += "\n";
+  }
+  if (summary.points) {
+    const PointSummary& p = *summary.points;
+    text += fmt::format(
+        "stereo points: {} ({} corners) of {} pairs of pictures; {} on an object by its pose, "
+        "{:.2f} mm from the mesh (median; 90 %: {:.2f} mm)\n",
+        p.points, p.corners, p.sets, p.on_object, p.median_mm, p.p90_mm);
   }
   return text;
 }

@@ -11,6 +11,7 @@ namespace sightline::cli {
 namespace {
 
 constexpr double kDefaultRate = 30;
+constexpr PointMarkStyle kPointStyle{2, 5};  // hundreds of points on an object of a hundred pixels
 
 // CPU time for the summary only; nothing that is computed depends on it.
 double cpu_ms() {
@@ -45,7 +46,7 @@ Observation unseen(ObjectId object, const Frame& frame, CameraId camera) {
 
 Result<std::unique_ptr<ReplayPipeline>> ReplayPipeline::create(
     const Installation& installation, std::shared_ptr<const Recording> recording,
-    PoseLogWriter* log, const OverlayOutputs& outputs) {
+    PoseLogWriter* log, const ReplayOutputs& outputs) {
   std::unique_ptr<ReplayPipeline> pipeline(new ReplayPipeline());
   SL_ASSIGN(pipeline->rig_, load_rig(installation));
   for (const RigObject& object : pipeline->rig_.objects) {
@@ -71,11 +72,15 @@ Result<std::unique_ptr<ReplayPipeline>> ReplayPipeline::create(
   }
   pipeline->log_ = log;
   pipeline->png_folder_ = outputs.png;
+  pipeline->points_file_ = outputs.points;
+  if (!outputs.points.empty()) {
+    SL_ASSIGN(pipeline->collector_, PointCollector::create(installation, pipeline->rig_));
+  }
   return pipeline;
 }
 
 Status ReplayPipeline::add_camera(const Installation& installation, const RecordedCamera& recorded,
-                                  const OverlayOutputs& outputs) {
+                                  const ReplayOutputs& outputs) {
   cameras_.emplace_back();
   const auto& configs = installation.cameras;
   const auto config = std::find_if(configs.begin(), configs.end(), [&](const CameraConfig& c) {
@@ -114,6 +119,7 @@ Status ReplayPipeline::step(const std::vector<FramePtr>& frames) {
   summary_.fuse_cpu_ms += cpu_ms() - observed;
   summary_.frames += frames.size();
   ++summary_.sets;
+  if (collector_) collect_points(frames);
   return draw(frames);
 }
 
@@ -153,6 +159,15 @@ Status ReplayPipeline::fuse() {
   return {};
 }
 
+void ReplayPipeline::collect_points(const std::vector<FramePtr>& frames) {
+  std::vector<std::pair<CameraId, FramePtr>> seen;
+  for (const FramePtr& frame : frames) {
+    const auto& camera = cameras_[frame->info().camera.index()];
+    if (camera && camera->observer) seen.emplace_back(camera->id, frame);
+  }
+  collector_->step(seen, tracks_);
+}
+
 Status ReplayPipeline::draw(const std::vector<FramePtr>& frames) {
   for (const FramePtr& frame : frames) {
     auto& camera = cameras_[frame->info().camera.index()];
@@ -165,6 +180,10 @@ Status ReplayPipeline::draw_one(const Frame& frame, Camera& camera) {
   const auto picture = camera.pool->get();
   copy_i420(frame.i420(), picture->mutable_view());
   camera.renderer->draw(picture->mutable_view(), frame.info().capture, tracks_, poses_);
+  if (collector_) {
+    collector_->marks(camera.id, frame.info().capture, marks_);
+    draw_point_marks(picture->mutable_view(), marks_, fit_depth_scale(marks_), kPointStyle);
+  }
   if (camera.video) {
     SL_RETURN_IF_ERROR(camera.video->append(picture->view(), frame.info().capture));
   }
@@ -179,6 +198,10 @@ Status ReplayPipeline::draw_one(const Frame& frame, Camera& camera) {
 Status ReplayPipeline::finish() {
   for (auto& camera : cameras_) {
     if (camera && camera->video) SL_RETURN_IF_ERROR(camera->video->close());
+  }
+  if (collector_) {
+    summary_.points = collector_->summary();
+    SL_RETURN_IF_ERROR(collector_->write(points_file_));
   }
   return log_ != nullptr ? log_->close() : Status();
 }

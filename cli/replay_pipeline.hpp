@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "point_collector.hpp"
 #include "rig.hpp"
 #include "sightline/fuse/estimator.hpp"
 #include "sightline/record/overlay_video.hpp"
@@ -24,11 +25,13 @@ struct ReplaySummary {
   std::map<std::string, std::map<std::string, size_t>> rows_by_state;  ///< object, state
   double observe_cpu_ms = 0;                                           ///< all frames together
   double fuse_cpu_ms = 0;
+  std::optional<PointSummary> points;  ///< if stereo points were asked for
 };
 
-struct OverlayOutputs {
-  std::filesystem::path video;  ///< folder; empty: none
-  std::filesystem::path png;    ///< folder; empty: none
+struct ReplayOutputs {
+  std::filesystem::path video;   ///< folder; empty: none
+  std::filesystem::path png;     ///< folder; empty: none
+  std::filesystem::path points;  ///< PLY of stereo points; empty: none
 };
 
 /// The rooms of the daemon in one thread on a recording's own clock: every frame, in the order
@@ -39,7 +42,7 @@ class ReplayPipeline {
   static Result<std::unique_ptr<ReplayPipeline>> create(const Installation& installation,
                                                         std::shared_ptr<const Recording> recording,
                                                         PoseLogWriter* log,
-                                                        const OverlayOutputs& outputs);
+                                                        const ReplayOutputs& outputs);
 
   /// Takes all frames of one capture time: observe, fuse, log, then draw with what is known now.
   Status step(const std::vector<FramePtr>& frames);
@@ -59,9 +62,10 @@ class ReplayPipeline {
 
   ReplayPipeline() = default;
   Status add_camera(const Installation& installation, const RecordedCamera& recorded,
-                    const OverlayOutputs& outputs);
+                    const ReplayOutputs& outputs);
   void observe(const std::vector<FramePtr>& frames);
   Status fuse();
+  void collect_points(const std::vector<FramePtr>& frames);
   Status draw(const std::vector<FramePtr>& frames);
   Status draw_one(const Frame& frame, Camera& camera);
 
@@ -75,6 +79,9 @@ class ReplayPipeline {
   std::vector<PoseAt> poses_;
   PoseLogWriter* log_ = nullptr;
   std::filesystem::path png_folder_;
+  std::unique_ptr<PointCollector> collector_;  // null: no points wanted
+  std::filesystem::path points_file_;
+  std::vector<PointMark> marks_;
   ReplaySummary summary_;
 };
 

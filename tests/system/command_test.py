@@ -104,6 +104,21 @@ class Determinism(TemporaryFolder):
             self.assertEqual(log, logs[0])
 
 
+class StereoPoints(TemporaryFolder):
+    def test_are_written_and_lie_on_the_carton(self):
+        points = self.path("p.ply")
+        summary = json.loads(sightline("replay", BENCH, "--points", points, "--json")[0])["stereo_points"]
+        self.assertGreater(summary["points"], 90 * 200)
+        self.assertLess(summary["to_mesh_median_mm"], 1.5)
+        with open(points, encoding="ascii") as file:
+            lines = file.read().split("\n")
+        self.assertEqual(lines[0], "ply")
+        self.assertIn(f"element vertex {summary['points']}", lines)
+        self.assertEqual(len(lines) - lines.index("end_header") - 2, summary["points"])
+        nearest = min((line.split() for line in lines[lines.index("end_header") + 1:-1]), key=lambda w: float(w[1]))
+        self.assertGreater(int(nearest[4]), int(nearest[5]))  # near is green
+
+
 class Overlay(TemporaryFolder):
     def test_writes_a_video_per_camera(self):
         sightline("replay", BENCH, "--overlay", self.path("out"))
