@@ -81,4 +81,17 @@ struct SuperimposeOptions {
 };
 int superimpose(const SuperimposeOptions& options);
 
+struct ViewOptions {
+  std::filesystem::path recording;
+  std::filesystem::path config;         ///< empty: what the recording says
+  std::filesystem::path out;            ///< .png or .mkv
+  std::string name;                     ///< of a [[view]] in the installation; empty: as follows
+  std::vector<double> eye, target, up;  ///< empty or 3 numbers [m]
+  double fov_deg = 50;
+  int width = 1280, height = 720;
+  std::optional<double> at_s;  ///< since the start of the recording; unset: to its end
+  bool json = false;
+};
+int view(const ViewOptions& options);
+
 }  // namespace sightline::cli

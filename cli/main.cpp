@@ -5,6 +5,7 @@
 #include <exception>
 #include <map>
 #include <string>
+#include <tuple>
 
 #include "commands.hpp"
 #include "sightline/base/log.hpp"
@@ -68,6 +69,30 @@ void add_superimpose(CLI::App& app, cli::SuperimposeOptions& options) {
   command->add_flag("--skip-behind", options.skip_behind,
                     "leave out points that the camera cannot picture instead of refusing them");
   command->add_flag("--json", options.json, "summary as JSON");
+}
+
+void add_view(CLI::App& app, cli::ViewOptions& options) {
+  auto* command = app.add_subcommand("view", "the rig of a recording, seen from anywhere");
+  command->add_option("RECORDING", options.recording, "recording folder")->required();
+  command->add_option("--out", options.out, "FILE.png (one picture) or FILE.mkv (all of it)")
+      ->required();
+  command->add_option("--config", options.config, "installation file (default: the recording)");
+  auto* name =
+      command->add_option("--view", options.name, "name of a [[view]] of the installation");
+  for (const auto& [option, numbers, text] :
+       {std::tuple("--eye", &options.eye, "where to look from, x y z in the world"),
+        std::tuple("--target", &options.target,
+                   "what to look at (default: where the cameras look)"),
+        std::tuple("--up", &options.up, "what is upwards (default 0 0 1)")}) {
+    command->add_option(option, *numbers, text)->expected(3)->excludes(name);
+  }
+  command->add_option("--fov", options.fov_deg, "horizontal, degrees (default 50)")->excludes(name);
+  command->add_option("--width", options.width, "default 1280")->excludes(name);
+  command->add_option("--height", options.height, "default 720")->excludes(name);
+  command
+      ->add_option("--at", options.at_s, "seconds since the recording's start (default: its end)")
+      ->check(CLI::NonNegativeNumber);
+  command->add_flag("--json", options.json, "as JSON");
 }
 
 int run(int argc, char** argv) {
@@ -141,6 +166,8 @@ int run(int argc, char** argv) {
 
   cli::SuperimposeOptions superimpose;
   add_superimpose(app, superimpose);
+  cli::ViewOptions view;
+  add_view(app, view);
 
   try {
     app.parse(argc, argv);
@@ -155,6 +182,7 @@ int run(int argc, char** argv) {
   if (cameras_command->parsed()) return cli::cameras(cameras);
   if (model_command->parsed()) return cli::model(model);
   if (app.got_subcommand("superimpose")) return cli::superimpose(superimpose);
+  if (app.got_subcommand("view")) return cli::view(view);
   if (replay_command->parsed()) return cli::replay(replay);
   return cli::record(record);
 }

@@ -48,6 +48,8 @@ class ReplayPipeline {
   Status step(const std::vector<FramePtr>& frames);
   Status finish();
   const ReplaySummary& summary() const { return summary_; }
+  /// What is known now, one track per object.
+  const std::vector<PoseTrackPtr>& tracks() const { return tracks_; }
 
  private:
   struct Camera {

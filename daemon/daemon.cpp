@@ -61,9 +61,11 @@ Result<std::unique_ptr<Daemon>> Daemon::start(Installation installation,
   SL_ASSIGN(Rig rig, load_rig(now));
   daemon->rig_ = std::make_shared<const Rig>(std::move(rig));
   SL_ASSIGN(auto parts, daemon->prepare_all(now, *daemon->rig_));
+  SL_ASSIGN(auto views, daemon->prepare_views(now, *daemon->rig_));
   SL_RETURN_IF_ERROR(daemon->start_recorder(now));
   SL_RETURN_IF_ERROR(daemon->start_servers(now));
   SL_RETURN_IF_ERROR(daemon->start_pipeline(now, *daemon->rig_, std::move(parts)));
+  SL_RETURN_IF_ERROR(daemon->start_views(now, *daemon->rig_, std::move(views)));
   return daemon;
 }
 
@@ -178,6 +180,68 @@ Status Daemon::start_camera(const Installation& installation, const Rig& rig, Ca
   return {};
 }
 
+Result<std::vector<ViewParts>> Daemon::prepare_views(const Installation& installation,
+                                                     const Rig& rig) const {
+  std::vector<ViewParts> all;
+  if (!options_.serve || !installation.rtsp.enabled) return all;
+  for (size_t i = 0; i < installation.views.size(); ++i) {
+    const ViewConfig& config = installation.views[i];
+    ViewParts parts;
+    parts.id = CameraId(static_cast<uint32_t>(installation.cameras.size() + i));
+    parts.name = config.name;
+    parts.rate_hz = config.rate_hz;
+    SL_ASSIGN(parts.view, make_view(installation, rig, config));
+    all.push_back(std::move(parts));
+  }
+  return all;
+}
+
+Status Daemon::start_views(const Installation& installation, const Rig& rig,
+                           std::vector<ViewParts> views) {
+  for (ViewParts& parts : views) {
+    const int width = parts.view->width(), height = parts.view->height();
+    SL_ASSIGN(auto stream, rtsp_->add_stream(parts.name, {width, height, parts.rate_hz}));
+    EncoderOptions encoder = installation.encoder;
+    encoder.width = width;
+    encoder.height = height;
+    encoder.rate_hz = parts.rate_hz;
+    parts.output =
+        StreamOutput::create(parts.name, encoder, rig.names(), std::move(stream), registry_);
+    parts.board = board_;
+    std::vector<std::string> names;
+    for (const CameraConfig& camera : installation.cameras) names.push_back(camera.name);
+    parts.present = [this, names] { return present(names); };
+    auto unit = ViewUnit::start(std::move(parts), registry_, beats_);
+    std::lock_guard lock(mutex_);
+    views_.push_back(std::move(unit));
+  }
+  return {};
+}
+
+void Daemon::stop_views() {
+  std::vector<std::unique_ptr<ViewUnit>> stopping;
+  {
+    std::lock_guard lock(mutex_);
+    stopping.swap(views_);
+  }
+  // Without the lock: their threads take it to see which cameras are there.
+  for (const auto& unit : stopping) {
+    unit->stop();
+    unit->output()->close();
+    rtsp_->remove_stream(unit->name());
+  }
+}
+
+std::vector<bool> Daemon::present(const std::vector<std::string>& names) const {
+  std::lock_guard lock(mutex_);
+  std::vector<bool> out;
+  for (const std::string& name : names) {
+    const auto unit = cameras_.find(name);
+    out.push_back(unit != cameras_.end() && unit->second->status().present);
+  }
+  return out;
+}
+
 Status Daemon::start_pipeline(const Installation& installation, const Rig& rig,
                               std::vector<CameraParts> parts) {
   {
@@ -212,6 +276,7 @@ void Daemon::stop_cameras() {
 }
 
 Status Daemon::stop() {
+  stop_views();
   stop_cameras();
   if (fusion_) fusion_->stop();
   http_.reset();
@@ -244,7 +309,9 @@ Status Daemon::restart_all(Installation next) {
   SL_ASSIGN(Rig rig, load_rig(next));
   auto loaded = std::make_shared<const Rig>(std::move(rig));
   SL_ASSIGN(auto parts, prepare_all(next, *loaded));
+  SL_ASSIGN(auto views, prepare_views(next, *loaded));
   SL_ASSIGN(Servers servers, make_moved_servers(next));
+  stop_views();
   stop_cameras();
   fusion_->stop();
   if (recorder_) (void)recorder_->stop();
@@ -257,7 +324,8 @@ Status Daemon::restart_all(Installation next) {
   }
   SL_RETURN_IF_ERROR(start_recorder(installation_));
   SL_RETURN_IF_ERROR(start_servers(installation_));
-  return start_pipeline(installation_, *rig_, std::move(parts));
+  SL_RETURN_IF_ERROR(start_pipeline(installation_, *rig_, std::move(parts)));
+  return start_views(installation_, *rig_, std::move(views));
 }
 
 Result<Daemon::Servers> Daemon::make_moved_servers(const Installation& next) {
@@ -301,6 +369,12 @@ Status Daemon::restart_some(Installation next, const InstallationChanges& change
       parts.push_back(std::move(made));
     }
   }
+  // Views show the cameras and what all draw, so they are made anew with either.
+  const bool views_differ = changes.views || changes.render || cameras_differ(changes);
+  std::vector<ViewParts> views;
+  if (views_differ) {
+    SL_ASSIGN(views, prepare_views(next, *rig_));
+  }
   std::map<std::string, std::unique_ptr<CameraRenderer>> renderers;
   for (const CameraConfig& camera : next.cameras) {
     const auto& styled = changes.cameras_restyled;
@@ -310,6 +384,7 @@ Status Daemon::restart_some(Installation next, const InstallationChanges& change
     const CameraId id(static_cast<uint32_t>(index_of(camera.name)));
     SL_ASSIGN(renderers[camera.name], make_renderer(next, *rig_, id));
   }
+  if (views_differ) stop_views();
   for (const auto* names : {&changes.cameras_removed, &changes.cameras_changed}) {
     for (const std::string& name : *names) {
       const auto unit = cameras_.find(name);
@@ -331,7 +406,7 @@ Status Daemon::restart_some(Installation next, const InstallationChanges& change
   for (CameraParts& made : parts) {
     SL_RETURN_IF_ERROR(start_camera(installation_, *rig_, std::move(made)));
   }
-  return {};
+  return start_views(installation_, *rig_, std::move(views));
 }
 
 bool Daemon::ended() const {
@@ -351,6 +426,7 @@ std::vector<std::string> Daemon::addresses() const {
   for (const auto& [name, unit] : cameras_) {
     if (unit->output()) out.push_back(unit->output()->url());
   }
+  for (const auto& unit : views_) out.push_back(unit->output()->url());
   if (http_) {
     out.push_back(
         fmt::format("http://{}:{}/metrics", installation_.http.server.address, http_->port()));

@@ -19,6 +19,7 @@
 #include "sightline/stream/rtsp_server.hpp"
 #include "source_factory.hpp"
 #include "stream_output.hpp"
+#include "view_unit.hpp"
 
 namespace sightline {
 
@@ -76,6 +77,13 @@ class Daemon {
                         std::vector<CameraParts> parts);
   Status start_camera(const Installation& installation, const Rig& rig, CameraParts parts);
   void stop_cameras();
+  Result<std::vector<ViewParts>> prepare_views(const Installation& installation,
+                                               const Rig& rig) const;
+  Status start_views(const Installation& installation, const Rig& rig,
+                     std::vector<ViewParts> views);
+  void stop_views();
+  /// Which of the named cameras have a signal now.
+  std::vector<bool> present(const std::vector<std::string>& names) const;
   Status restart_all(Installation next);
   Status restart_some(Installation next, const InstallationChanges& changes);
   Health health() const;
@@ -95,6 +103,7 @@ class Daemon {
   std::unique_ptr<RtspServer> rtsp_;
   std::jthread rtsp_thread_;
   std::map<std::string, std::unique_ptr<CameraUnit>> cameras_;  // by name
+  std::vector<std::unique_ptr<ViewUnit>> views_;
   std::unique_ptr<HttpServer> http_;
 };
 

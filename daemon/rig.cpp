@@ -51,6 +51,22 @@ Result<std::unique_ptr<FiducialObserver>> make_observer(const Installation& inst
                                   std::move(objects), installation.observe);
 }
 
+Result<std::unique_ptr<FreeView>> make_view(const Installation& installation, const Rig& rig,
+                                            const ViewConfig& view) {
+  std::vector<CalibratedCamera> cameras;
+  for (const CameraConfig& camera : installation.cameras) cameras.push_back(camera.calibration);
+  std::vector<SceneMesh> scene;
+  for (const RenderMesh& mesh : rig.scene) scene.push_back({&mesh, Rigid3()});
+  std::vector<OverlayObject> objects;
+  for (const RigObject& object : rig.objects) {
+    objects.push_back({object.named.id, object.named.name, object.mesh, view.overlay});
+  }
+  FreeViewOptions options;
+  options.render = installation.render;
+  options.grid_m = view.grid_m;
+  return FreeView::create(view.view, std::move(cameras), std::move(objects), scene, options);
+}
+
 Result<std::unique_ptr<CameraRenderer>> make_renderer(const Installation& installation,
                                                       const Rig& rig, CameraId camera) {
   const CameraConfig& config = config_of(installation, camera);

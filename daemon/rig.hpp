@@ -42,4 +42,7 @@ Result<std::unique_ptr<FiducialObserver>> make_observer(const Installation& inst
 Result<std::unique_ptr<CameraRenderer>> make_renderer(const Installation& installation,
                                                       const Rig& rig, CameraId camera);
 
+Result<std::unique_ptr<FreeView>> make_view(const Installation& installation, const Rig& rig,
+                                            const ViewConfig& view);
+
 }  // namespace sightline

@@ -44,6 +44,12 @@ class SectionPrinter {
       std::visit([&](const auto& v) { put(full, v); }, value);
     }
   }
+  void point(std::string_view key, const std::optional<Eigen::Vector3d>& field) {
+    if (field) direction(key, *field);
+  }
+  void direction(std::string_view key, const Eigen::Vector3d& v) {
+    put(key, fmt::format("{} {} {}", v.x(), v.y(), v.z()));
+  }
   void color(std::string_view key, Rgb c) { put(key, fmt::format("{} {} {}", c.r, c.g, c.b)); }
   void styles(std::string_view key, OverlayStyle& style) {
     for (const std::string_view name : style_names()) put(key, *style_flag(style, name));
@@ -126,6 +132,14 @@ bool match(const List& before, const List& after, NameOf name_of, std::vector<st
   return moved;
 }
 
+bool same_views(const std::vector<ViewConfig>& a, const std::vector<ViewConfig>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                    [](const ViewConfig& x, const ViewConfig& y) {
+                      return x.name == y.name && !differ(x, y) && !differ(x.overlay, y.overlay) &&
+                             same_calibration(x.view, y.view);
+                    });
+}
+
 bool same_scene(const SceneConfig& a, const SceneConfig& b) {
   return a.meshes == b.meshes && a.meters_per_unit == b.meters_per_unit && a.content == b.content;
 }
@@ -148,6 +162,7 @@ InstallationChanges compare(const Installation& before, const Installation& afte
             changes.objects_removed, [&](const ObjectConfig& old, const ObjectConfig& now) {
               if (!same_object(old, now)) changes.objects_changed.push_back(now.description.name);
             });
+  changes.views = !same_views(before.views, after.views);
   changes.scene = !same_scene(before.scene, after.scene);
   changes.render = differ(before.render, after.render);
   changes.observe = differ(before.observe, after.observe);
@@ -163,8 +178,8 @@ InstallationChanges compare(const Installation& before, const Installation& afte
 bool InstallationChanges::none() const {
   return cameras_added.empty() && cameras_removed.empty() && cameras_changed.empty() &&
          cameras_restyled.empty() && objects_added.empty() && objects_removed.empty() &&
-         objects_changed.empty() && !camera_ids && !object_ids && !scene && !render && !observe &&
-         !estimator && !rtsp && !encoder && !http && !record && !daemon;
+         objects_changed.empty() && !views && !camera_ids && !object_ids && !scene && !render &&
+         !observe && !estimator && !rtsp && !encoder && !http && !record && !daemon;
 }
 
 std::string InstallationChanges::summary() const {
@@ -182,10 +197,9 @@ std::string InstallationChanges::summary() const {
   if (camera_ids) parts.emplace_back("order of cameras");
   if (object_ids) parts.emplace_back("order of objects");
   const std::pair<bool, const char*> sections[] = {
-      {scene, "scene"},     {render, "overlay backend, font and depth"},
-      {observe, "observe"}, {estimator, "estimator"},
-      {rtsp, "rtsp"},       {encoder, "encoder"},
-      {http, "http"},       {record, "record"},
+      {views, "views"},     {scene, "scene"},         {render, "overlay backend, font and depth"},
+      {observe, "observe"}, {estimator, "estimator"}, {rtsp, "rtsp"},
+      {encoder, "encoder"}, {http, "http"},           {record, "record"},
       {daemon, "daemon"}};
   for (const auto& [changed, name] : sections) {
     if (changed) parts.emplace_back(name);

@@ -107,6 +107,7 @@ class InstallationReader {
     read_cameras();
     read_objects();
     read_scene();
+    read_views();
     section("observe", result_.observe);
     section("estimator", result_.estimator);
     read_servers();
@@ -145,6 +146,8 @@ class InstallationReader {
   void check_size(TomlTable& table, const CameraConfig& camera, bool calibrated);
   void read_objects();
   void read_scene();
+  void read_views();
+  void read_view(TomlTable table);
   void read_servers();
   void read_record();
 
@@ -449,6 +452,53 @@ void InstallationReader::read_scene() {
     result_.scene.meters_per_unit = meters.value_or(1.0);
   }
   table->finish();
+}
+
+void InstallationReader::read_views() {
+  for (TomlTable& table : root_.tables("view")) read_view(table);
+}
+
+void InstallationReader::read_view(TomlTable table) {
+  ViewConfig view{
+      .name = {},
+      .point = {},
+      .overlay = overlay_,
+      .view = {"", *CameraModel::create({.width = 2, .height = 2, .fx = 1, .fy = 1}, ""), {}},
+      .where = document_.problems().where(table.place())};
+  // Seen from outside the object is a body among others, not a mark on a picture.
+  view.overlay.circle = false;
+  view.overlay.trail = true;
+  view.overlay.fill_opacity = 0.85f;
+  SectionReader reader(table, path_, files_);
+  config::visit(reader, view);
+  if (auto overlay = table.table("overlay")) {
+    SectionReader overlay_reader(*overlay, path_, files_);
+    config::visit(overlay_reader, view.overlay);
+    overlay->finish();
+  }
+  if (table.require("name", "the name of the view's stream")) {
+    if (const auto text = table.text("name")) {
+      view.name = text->text;
+      const std::string_view fault = config::camera_name_fault(view.name);
+      const auto [first, is_new] = camera_lines_.emplace(view.name, text->place.line);
+      if (!fault.empty()) {
+        table.problem("name", fault);
+      } else if (!is_new) {
+        table.problem("name", fmt::format("there is a camera or view \"{}\" already, in line {}",
+                                          view.name, first->second));
+      }
+    }
+  }
+  std::vector<CalibratedCamera> cameras;
+  for (const CameraConfig& camera : result_.cameras) cameras.push_back(camera.calibration);
+  auto made = make_view_camera(view.point, cameras, view.name, view.where);
+  if (made) {
+    view.view = *std::move(made);
+  } else {
+    document_.problems().add(table.place(), "view: " + made.error().text);
+  }
+  table.finish();
+  result_.views.push_back(std::move(view));
 }
 
 void InstallationReader::read_servers() {

@@ -81,6 +81,13 @@ class SectionReader {
 
   /// A table of numbers and texts.
   void controls(std::string_view key, std::map<std::string, V4l2ControlValue>& field);
+  /// Three numbers.
+  void point(std::string_view key, std::optional<Eigen::Vector3d>& field) {
+    if (const auto n = table_.numbers(key, 3)) field = Eigen::Vector3d((*n)[0], (*n)[1], (*n)[2]);
+  }
+  void direction(std::string_view key, Eigen::Vector3d& field) {
+    if (const auto n = table_.numbers(key, 3)) field = Eigen::Vector3d((*n)[0], (*n)[1], (*n)[2]);
+  }
   void color(std::string_view key, Rgb& field);
   void styles(std::string_view key, OverlayStyle& style);
   void encoders(std::string_view key, std::vector<std::string>& field);

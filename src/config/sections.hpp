@@ -98,6 +98,18 @@ void visit(Visitor& v, RenderOptions& s) {
 }
 
 template <typename Visitor>
+void visit(Visitor& v, ViewConfig& s) {
+  v.integer("width", s.point.width, 16, 8192, "a whole number of pixels");
+  v.integer("height", s.point.height, 16, 8192, "a whole number of pixels");
+  v.number("rate", s.rate_hz, 0.1, 120, "a frame rate in Hz");
+  v.point("eye", s.point.eye);
+  v.point("target", s.point.target);
+  v.direction("up", s.point.up);
+  v.number("fov_deg", s.point.fov_deg, 5, 150, "an angle in degrees");
+  v.number("grid_m", s.grid_m, 0, 1000, "a length in metres (0: what fits)");
+}
+
+template <typename Visitor>
 void visit(Visitor& v, FiducialOptions& s) {
   v.number_of("search_scale", s.search_scale, std::array{1.0, 0.5, 0.25});
   v.number("min_side_px", s.min_side_px, 4, 1000, "a length in pixels");

@@ -145,7 +145,9 @@ TEST(Installation, TheExamplesCommentedKeysAreTheDefaults) {
   for (std::string line; std::getline(lines, line);) {
     const bool names_a_file =
         line.find("font_file") != std::string::npos || line.find("directory") != std::string::npos;
-    if (!names_a_file && is_commented_key(line)) {
+    // Their defaults follow the rig.
+    const bool is_a_place = line.starts_with("# eye") || line.starts_with("# target");
+    if (!names_a_file && !is_a_place && is_commented_key(line)) {
       line = line.substr(2);
       ++uncommented;
     }
@@ -154,6 +156,34 @@ TEST(Installation, TheExamplesCommentedKeysAreTheDefaults) {
   EXPECT_GT(uncommented, 25);
   const InstallationChanges changes = compare(parsed(text), parsed(all));
   EXPECT_TRUE(changes.none()) << changes.summary();
+}
+
+TEST(Installation, FreeViews) {
+  const Installation installation = parsed(kBase + std::string(R"(
+[[view]]
+name = "above"
+width = 640
+height = 360
+rate = 10
+eye = [0, -2, 3]
+target = [0, 0, 0.5]
+up = [0, 1, 0]
+fov_deg = 60
+grid_m = 0.25
+[view.overlay]
+fill_opacity = 0.5
+[[view]]
+name = "room"
+)"));
+  ASSERT_EQ(installation.views.size(), 2u);
+  const ViewConfig& above = installation.views[0];
+  EXPECT_EQ(above.view.model.width(), 640);
+  EXPECT_EQ(above.rate_hz, 10);
+  EXPECT_EQ(above.grid_m, 0.25);
+  EXPECT_EQ(above.overlay.fill_opacity, 0.5f);
+  EXPECT_TRUE(above.view.world_from_camera.translation.isApprox(Eigen::Vector3d(0, -2, 3)));
+  EXPECT_EQ(installation.views[1].view.model.height(), 720);
+  EXPECT_FALSE(installation.views[1].overlay.circle);
 }
 
 TEST(Installation, EveryValueArrives) {
@@ -369,6 +399,16 @@ const BadFile kBadFiles[] = {
      "there is no file dir/missing.obj"},
     {"scene unit", base_with("[scene]\nunit = \"feet\"\n"), "8:8",
      "\"m\", \"cm\", \"mm\" or \"in\""},
+    {"view without name", base_with("[[view]]\nfov_deg = 40\n"), "7:1", "[[view]] needs \"name\""},
+    {"view named like a camera", base_with("[[view]]\nname = \"left\"\n"), "8:8",
+     "a camera or view \"left\" already, in line 3"},
+    {"view from its target",
+     base_with("[[view]]\nname = \"v\"\neye = [1, 2, 3]\ntarget = [1, 2, 3]\n"), "7:1",
+     "at its target"},
+    {"view of two numbers", base_with("[[view]]\nname = \"v\"\neye = [1, 2]\n"), "9:7", "3"},
+    {"view of odd size", base_with("[[view]]\nname = \"v\"\nwidth = 641\n"), "7:1", "even"},
+    {"view with a wrong key", base_with("[[view]]\nname = \"v\"\nfov = 30\n"), "9:1",
+     "unknown key \"fov\" in [[view]]"},
     {"missing font", base_with("[overlay]\nfont_file = \"missing.ttf\"\n"), "8:13", "no file"},
     {"remote http", base_with("[http]\naddress = \"0.0.0.0\"\n"), "8:11", "allow_remote = true"},
     {"http address", base_with("[http]\naddress = \"localhost\"\n"), "8:11", "numeric address"},

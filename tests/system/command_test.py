@@ -44,6 +44,28 @@ class Usage(TemporaryFolder):
         self.assertRegex(answer["where"], r"a\.toml:1:\d+")
 
 
+class View(TemporaryFolder):
+    """The rig of a recording from outside."""
+
+    def test_writes_a_picture_or_a_video(self):
+        picture, video = self.path("view.png"), self.path("view.mkv")
+        sightline("view", BENCH, "--at", "0.5", "--width", "320", "--height", "240", "--out", picture)
+        with open(picture, "rb") as file:
+            self.assertEqual(file.read(4), b"\x89PNG")
+        answer = json.loads(sightline("view", BENCH, "--eye", 1, -2, 1, "--width", "320", "--height", "240", "--out", video,
+                                      "--json")[0])
+        self.assertEqual(answer["pictures"], 90)
+
+    def test_refuses_what_makes_no_view(self):
+        out = self.path("view.png")
+        for arguments, word in ((["--out", self.path("view.jpg")], ".png"), (["--out", out, "--width", "321"], "even"),
+                                (["--out", out, "--eye", 1, 2, 3, "--target", 1, 2, 3], "at its target"),
+                                (["--out", out, "--view", "room"], "no [[view]] named 'room'"),
+                                (["--out", out, "--eye", 1, 2], "--eye")):
+            self.assertIn(word, sightline("view", BENCH, *arguments, status=2)[1])
+            self.assertFalse(os.path.exists(out))
+
+
 class Accuracy(TemporaryFolder):
     """The figures that the project promises for the bundled recording (docs/accuracy.md)."""
 

@@ -101,6 +101,12 @@ class Streams(DaemonCase):
         self.assertEqual(daemon.pull("side").wait(timeout=WAIT_S), 0)
         self.assertEqual(daemon.get("/healthz").strip().split(" cameras")[0], "3 of 3")
 
+    def test_a_free_view_is_one_more_stream(self):
+        daemon = self.start(installation(free_port(), free_port(), extra='[[view]]\nname = "room"\nwidth = 640\nheight = 360\n'))
+        wait_until(lambda: daemon.state()["objects"][0]["state"] == "tracking", "the carton is tracked")
+        self.assertEqual(daemon.metric("sightline_pictures_encoded_total", camera="room"), 0)
+        self.assertEqual(daemon.pull("room").wait(timeout=WAIT_S), 0)
+
     def test_object_is_tracked_live_and_shown_in_the_state(self):
         daemon = self.start()
         wait_until(lambda: daemon.state()["objects"][0]["state"] == "tracking", "the carton is tracked")
@@ -140,6 +146,17 @@ class Reload(DaemonCase):
         self.assertEqual(daemon.metric("sightline_source_opened_total", camera="left"), opened)
         self.assertNotEqual(daemon.pull("side").wait(timeout=WAIT_S), 0)
         self.assertEqual(daemon.pull("left").wait(timeout=WAIT_S), 0)
+
+    def test_a_view_comes_and_goes_and_the_cameras_stay(self):
+        daemon = self.start()
+        viewer = daemon.pull("left", frames=150)
+        wait_until(lambda: daemon.metric("sightline_viewers", camera="left") == 1, "the viewer plays")
+        room = '[[view]]\nname = "room"\nwidth = 640\nheight = 360\n'
+        self.reload(daemon, installation(daemon.rtsp, daemon.http, extra=room))
+        self.assertEqual(daemon.pull("room").wait(timeout=WAIT_S), 0)
+        self.reload(daemon, installation(daemon.rtsp, daemon.http))
+        self.assertNotEqual(daemon.pull("room").wait(timeout=WAIT_S), 0)
+        self.assertEqual(viewer.wait(timeout=WAIT_S), 0)
 
     def test_a_new_port_moves_the_server(self):
         daemon = self.start()

@@ -20,6 +20,7 @@
 #include "sightline/observe/fiducial_observer.hpp"
 #include "sightline/record/writer.hpp"
 #include "sightline/render/camera_renderer.hpp"
+#include "sightline/render/free_view.hpp"
 #include "sightline/render/overlay_style.hpp"
 #include "sightline/stream/encoder.hpp"
 #include "sightline/stream/rtsp_server.hpp"
@@ -65,6 +66,17 @@ struct SceneConfig {
   uint64_t content = 0;  ///< hash of the files
 };
 
+/// One free view; served as a stream of its own.
+struct ViewConfig {
+  std::string name;
+  ViewPoint point;
+  double rate_hz = 15;
+  double grid_m = 0;      ///< 0: what fits the rig
+  OverlayStyle overlay;   ///< of the objects in it
+  CalibratedCamera view;  ///< the camera that the point makes
+  std::string where;
+};
+
 struct RtspConfig {
   bool enabled = true;
   RtspOptions server;
@@ -93,6 +105,7 @@ struct Installation {
   std::filesystem::path calibration;
   std::vector<CameraConfig> cameras;
   std::vector<ObjectConfig> objects;
+  std::vector<ViewConfig> views;
   SceneConfig scene;
   RenderOptions render;     ///< the parts of [overlay] that all cameras share
   FiducialOptions observe;  ///< [observe]
@@ -143,6 +156,7 @@ struct InstallationChanges {
   std::vector<std::string> cameras_changed;   ///< source, role, rate or calibration
   std::vector<std::string> cameras_restyled;  ///< only the overlay
   std::vector<std::string> objects_added, objects_removed, objects_changed;
+  bool views = false;       ///< any of the free views
   bool camera_ids = false;  ///< a camera that stays has another CameraId now
   bool object_ids = false;
   bool scene = false, render = false, observe = false, estimator = false;
