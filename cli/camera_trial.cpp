@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "sightline/capture/aravis_source.hpp"
+#include "sightline/capture/libcamera_source.hpp"
 #include "sightline/capture/network_source.hpp"
 #include "sightline/capture/v4l2_source.hpp"
 #include "sightline/image/convert.hpp"
@@ -130,14 +131,19 @@ Result<Opener> bare_opener(const std::string& source) {
       return std::unique_ptr<FrameSource>(std::move(opened));
     });
   }
+  if (source.starts_with("libcamera:")) {
+    LibcameraOptions options;
+    options.id = behind("libcamera:");
+    return Opener([options, name] { return open_libcamera_source(options, CameraId(0), name); });
+  }
   if (check_network_url(source)) {
     NetworkOptions options;
     options.url = source;
     return Opener([options, name] { return open_network_source(options, CameraId(0), name); });
   }
   return make_error(ErrorCode::kInvalidInput, "",
-                    "this is no source; known: v4l2:DEVICE, aravis:ID, rtsp://ADDRESS, "
-                    "http://ADDRESS, or with --config the name of a camera");
+                    "this is no source; known: v4l2:DEVICE, aravis:ID, libcamera:ID, "
+                    "rtsp://ADDRESS, http://ADDRESS, or with --config the name of a camera");
 }
 
 std::string shown_source(const std::string& source) {

@@ -34,8 +34,8 @@ struct TrialResult {
 /// Takes frames for so long, counted from the first. kUnavailable if none comes.
 Result<TrialResult> run_trial(const Opener& opener, double seconds);
 
-/// Opens a source named as in an installation ("v4l2:...", "aravis:...", "rtsp://...") with the
-/// camera's own settings.
+/// Opens a source named as in an installation ("v4l2:...", "aravis:...", "libcamera:...",
+/// "rtsp://...") with the camera's own settings.
 Result<Opener> bare_opener(const std::string& source);
 
 /// For messages: without credentials.

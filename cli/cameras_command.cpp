@@ -9,6 +9,7 @@
 #include "report.hpp"
 #include "sightline/capture/aravis_source.hpp"
 #include "sightline/capture/device_info.hpp"
+#include "sightline/capture/libcamera_source.hpp"
 #include "sightline/capture/v4l2_source.hpp"
 #include "sightline/record/overlay_video.hpp"
 #include "source_factory.hpp"
@@ -35,6 +36,7 @@ Listing list_all() {
   Listing listing;
   add(listing, "v4l2", list_v4l2());
   add(listing, "aravis", list_aravis(true));
+  add(listing, "libcamera", list_libcamera());
   return listing;
 }
 

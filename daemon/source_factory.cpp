@@ -4,6 +4,33 @@
 #include "metered_source.hpp"
 
 namespace sightline {
+namespace {
+
+// V4L2 and libcamera count alike, by counters of the source's life.
+template <typename Options, typename Open>
+SourceFactory::Opener counted_opener(const Options& chosen, const std::string& name, CameraId id,
+                                     Registry& registry, Open open) {
+  return [options = chosen, name, id, &registry,
+          open]() mutable -> Result<std::unique_ptr<FrameSource>> {
+    const auto counters = std::make_shared<CaptureCounters>();
+    options.counters = counters;
+    SL_ASSIGN(auto source, open(options, id, name));
+    ++options.epoch;
+    const auto read = [counters] {
+      return MeteredSource::Causes{{"lost", counters->lost.value()},
+                                   {"damaged", counters->damaged.value()},
+                                   {"copied", counters->copied.value()},
+                                   {"no_buffer", counters->starved.value()},
+                                   {"stamp_rejected", counters->stamp_rejected.value()}};
+    };
+    return std::unique_ptr<FrameSource>(
+        std::make_unique<MeteredSource>(std::move(source), name, registry, read));
+  };
+}
+
+bool is_mjpeg(const std::string& format) { return format == "MJPEG" || format == "MJPG"; }
+
+}  // namespace
 
 SourceFactory::Opener SourceFactory::opener(const CameraConfig& camera, CameraId id, bool payload) {
   switch (camera.source) {
@@ -12,7 +39,9 @@ SourceFactory::Opener SourceFactory::opener(const CameraConfig& camera, CameraId
     case SourceKind::kAravis:
       return aravis_opener(camera, id);
     case SourceKind::kV4l2:
-      return v4l2_opener(camera, id);
+      return counted_opener(camera.v4l2, camera.name, id, registry_, open_v4l2_source);
+    case SourceKind::kLibcamera:
+      return counted_opener(camera.libcamera, camera.name, id, registry_, open_libcamera_source);
     case SourceKind::kReplay:
       break;
   }
@@ -59,25 +88,6 @@ SourceFactory::Opener SourceFactory::aravis_opener(const CameraConfig& camera, C
   };
 }
 
-SourceFactory::Opener SourceFactory::v4l2_opener(const CameraConfig& camera, CameraId id) {
-  return [options = camera.v4l2, name = camera.name, id,
-          &registry = registry_]() mutable -> Result<std::unique_ptr<FrameSource>> {
-    const auto counters = std::make_shared<CaptureCounters>();
-    options.counters = counters;
-    SL_ASSIGN(auto source, open_v4l2_source(options, id, name));
-    ++options.epoch;
-    const auto read = [counters] {
-      return MeteredSource::Causes{{"lost", counters->lost.value()},
-                                   {"damaged", counters->damaged.value()},
-                                   {"copied", counters->copied.value()},
-                                   {"no_buffer", counters->starved.value()},
-                                   {"stamp_rejected", counters->stamp_rejected.value()}};
-    };
-    return std::unique_ptr<FrameSource>(
-        std::make_unique<MeteredSource>(std::move(source), name, registry, read));
-  };
-}
-
 Result<PixelFormat> SourceFactory::payload_format(const CameraConfig& camera) {
   switch (camera.source) {
     case SourceKind::kReplay:
@@ -85,8 +95,9 @@ Result<PixelFormat> SourceFactory::payload_format(const CameraConfig& camera) {
     case SourceKind::kNetwork:
       return camera.network.url.starts_with("http") ? PixelFormat::kMjpeg : PixelFormat::kI420;
     case SourceKind::kV4l2:
-      return camera.v4l2.format == "MJPEG" || camera.v4l2.format == "MJPG" ? PixelFormat::kMjpeg
-                                                                           : PixelFormat::kI420;
+      return is_mjpeg(camera.v4l2.format) ? PixelFormat::kMjpeg : PixelFormat::kI420;
+    case SourceKind::kLibcamera:
+      return is_mjpeg(camera.libcamera.format) ? PixelFormat::kMjpeg : PixelFormat::kI420;
     case SourceKind::kAravis:
       break;
   }

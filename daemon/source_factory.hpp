@@ -29,7 +29,6 @@ class SourceFactory {
  private:
   Opener network_opener(const CameraConfig& camera, CameraId id);
   Opener aravis_opener(const CameraConfig& camera, CameraId id);
-  Opener v4l2_opener(const CameraConfig& camera, CameraId id);
 
   Registry& registry_;
   ReplayLibrary replays_;

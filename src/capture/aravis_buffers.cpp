@@ -1,14 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "aravis_buffers.hpp"
 
+#include "sightline/base/recycling_allocator.hpp"
+
 namespace sightline {
 
 std::shared_ptr<const void> AravisBuffers::lend(ArvBuffer* buffer) {
   lent_.fetch_add(1, std::memory_order_relaxed);
-  return {static_cast<const void*>(buffer), [self = shared_from_this(), buffer](const void*) {
+  return {static_cast<const void*>(buffer),
+          [self = shared_from_this(), buffer](const void*) {
             self->lent_.fetch_sub(1, std::memory_order_relaxed);
             self->give_back(buffer);
-          }};
+          },
+          RecyclingAllocator<std::byte>()};
 }
 
 void AravisBuffers::give_back(ArvBuffer* buffer) {

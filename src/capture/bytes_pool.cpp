@@ -3,6 +3,8 @@
 
 #include <utility>
 
+#include "sightline/base/recycling_allocator.hpp"
+
 namespace sightline {
 
 BytesPool::BytesPool(size_t size, size_t keep_at_most)
@@ -21,13 +23,15 @@ std::shared_ptr<uint8_t> BytesPool::get() {
     }
   }
   if (!block) block.reset(new uint8_t[size_]);
-  return {block.release(), [shared = shared_](uint8_t* bytes) {
+  return {block.release(),
+          [shared = shared_](uint8_t* bytes) {
             std::unique_ptr<uint8_t[]> returned(bytes);
             std::lock_guard lock(shared->mutex);
             if (shared->free.size() < shared->keep_at_most) {
               shared->free.push_back(std::move(returned));
             }
-          }};
+          },
+          RecyclingAllocator<std::byte>()};
 }
 
 }  // namespace sightline

@@ -48,6 +48,7 @@ class StampMapper {
   /// seconds in the past are replaced by the arrival time, with the bound of two periods.
   CaptureTime map(std::optional<Time> stamp, Time arrival);
   void set_point(StampPoint point) { point_ = point; }
+  void set_exposure(std::optional<Duration> exposure) { exposure_ = exposure; }
 
  private:
   bool plausible(Time stamp, Time arrival) const;

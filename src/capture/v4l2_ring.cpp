@@ -7,6 +7,8 @@
 #include <cerrno>
 #include <cstring>
 
+#include "sightline/base/recycling_allocator.hpp"
+
 namespace sightline {
 namespace {
 
@@ -125,7 +127,8 @@ std::span<const uint8_t> V4l2Ring::bytes(const v4l2_buffer& filled) const {
 
 std::shared_ptr<const void> V4l2Ring::lend(uint32_t index) {
   return {buffers_[index].memory,
-          [ring = shared_from_this(), index](const void*) { ring->give_back(index); }};
+          [ring = shared_from_this(), index](const void*) { ring->give_back(index); },
+          RecyclingAllocator<std::byte>()};
 }
 
 void V4l2Ring::give_back(uint32_t index) {

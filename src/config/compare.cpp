@@ -38,7 +38,8 @@ class SectionPrinter {
     put(key, static_cast<int>(field));
   }
   void seconds(std::string_view key, Duration field, double, double) { put(key, field.count()); }
-  void controls(std::string_view key, const std::map<std::string, V4l2ControlValue>& field) {
+  template <typename Value>
+  void controls(std::string_view key, const std::map<std::string, Value>& field) {
     for (const auto& [name, value] : field) {
       const std::string full = fmt::format("{}.{}", key, name);
       std::visit([&](const auto& v) { put(full, v); }, value);
@@ -87,8 +88,9 @@ bool same_calibration(const CalibratedCamera& a, const CalibratedCamera& b) {
 
 bool same_source(const CameraConfig& a, const CameraConfig& b) {
   return a.source == b.source && a.network.url == b.network.url && a.aravis.id == b.aravis.id &&
-         a.v4l2.device == b.v4l2.device && !differ(a.network, b.network) &&
-         !differ(a.aravis, b.aravis) && !differ(a.v4l2, b.v4l2);
+         a.v4l2.device == b.v4l2.device && a.libcamera.id == b.libcamera.id &&
+         !differ(a.network, b.network) && !differ(a.aravis, b.aravis) && !differ(a.v4l2, b.v4l2) &&
+         !differ(a.libcamera, b.libcamera);
 }
 
 bool same_camera(const CameraConfig& a, const CameraConfig& b) {

@@ -24,6 +24,7 @@ constexpr size_t kMostObjects = 255;
 constexpr std::string_view kReplayScheme = "replay:";
 constexpr std::string_view kAravisScheme = "aravis:";
 constexpr std::string_view kV4l2Scheme = "v4l2:";
+constexpr std::string_view kLibcameraScheme = "libcamera:";
 
 // Notes the keys that exist for some kind of source, so that one at the wrong kind is told so.
 class KeyList {
@@ -74,8 +75,8 @@ std::vector<std::string> keys_of() {
 
 std::vector<std::string> all_source_keys() {
   std::vector<std::string> all{"loop", "recorded_as"};
-  for (const auto& keys :
-       {keys_of<NetworkOptions>(), keys_of<AravisOptions>(), keys_of<V4l2Options>()}) {
+  for (const auto& keys : {keys_of<NetworkOptions>(), keys_of<AravisOptions>(),
+                           keys_of<V4l2Options>(), keys_of<LibcameraOptions>()}) {
     all.insert(all.end(), keys.begin(), keys.end());
   }
   std::sort(all.begin(), all.end());
@@ -297,12 +298,22 @@ void InstallationReader::read_source(TomlTable& table, CameraConfig& camera) {
     }
     camera.v4l2.rate_hz = camera.rate_hz;
     read_live_source(table, camera, camera.v4l2);
+  } else if (text.starts_with(kLibcameraScheme)) {
+    camera.source = SourceKind::kLibcamera;
+    camera.libcamera.id = text.substr(kLibcameraScheme.size());
+    if (camera.libcamera.id.empty()) {
+      table.problem("source",
+                    "\"libcamera:\" wants a camera behind it, as `sightline cameras` names it");
+    }
+    camera.libcamera.rate_hz = camera.rate_hz;
+    read_live_source(table, camera, camera.libcamera);
   } else {
     allow_all_source_keys(table);
     // What has an @ may hold a password.
     const bool quotable = text.find('@') == std::string::npos;
     table.problem("source", fmt::format("{} is no source; known: replay:FOLDER (a recording), "
-                                        "v4l2:DEVICE, aravis:ID, rtsp://ADDRESS, http://ADDRESS",
+                                        "v4l2:DEVICE, aravis:ID, libcamera:ID, rtsp://ADDRESS, "
+                                        "http://ADDRESS",
                                         quotable ? "\"" + text.substr(0, 200) + "\"" : "this"));
   }
 }

@@ -57,6 +57,16 @@ void SectionReader::controls(std::string_view key, std::map<std::string, V4l2Con
   table->finish();
 }
 
+void SectionReader::controls(std::string_view key,
+                             std::map<std::string, LibcameraControlValue>& field) {
+  auto table = table_.table(key);
+  if (!table) return;
+  for (const std::string& name : table->keys()) {
+    if (auto value = table->number_or_text(name)) field[name] = *std::move(value);
+  }
+  table->finish();
+}
+
 void SectionReader::color(std::string_view key, Rgb& field) {
   const auto value = table_.text(key);
   if (!value) return;

@@ -88,6 +88,7 @@ class SectionReader {
   void direction(std::string_view key, Eigen::Vector3d& field) {
     if (const auto n = table_.numbers(key, 3)) field = Eigen::Vector3d((*n)[0], (*n)[1], (*n)[2]);
   }
+  void controls(std::string_view key, std::map<std::string, LibcameraControlValue>& field);
   void color(std::string_view key, Rgb& field);
   void styles(std::string_view key, OverlayStyle& style);
   void encoders(std::string_view key, std::vector<std::string>& field);

@@ -51,6 +51,15 @@ void visit(Visitor& v, V4l2Options& s) {
   v.seconds("frame_timeout", s.frame_timeout, 0.1, 3600);
 }
 
+/// ... is "libcamera:ID".
+template <typename Visitor>
+void visit(Visitor& v, LibcameraOptions& s) {
+  v.text("format", s.format);
+  v.integer("buffers", s.buffers, 4, 16, "a whole number of buffers");
+  v.controls("controls", s.controls);
+  v.seconds("frame_timeout", s.frame_timeout, 0.1, 3600);
+}
+
 /// ... is "aravis:ID".
 template <typename Visitor>
 void visit(Visitor& v, AravisOptions& s) {

@@ -229,6 +229,21 @@ std::optional<std::variant<int64_t, std::string>> TomlTable::integer_or_text(std
   return std::nullopt;
 }
 
+std::optional<std::variant<int64_t, double, std::string>> TomlTable::number_or_text(
+    std::string_view key) {
+  const void* node = find(key);
+  if (node == nullptr) return std::nullopt;
+  using Value = std::variant<int64_t, double, std::string>;
+  if (const auto* number = as_node(node).as_floating_point()) {
+    if (std::isfinite(number->get())) return Value(number->get());
+    mistyped(key, node, "a finite number");
+    return std::nullopt;
+  }
+  auto value = integer_or_text(key);
+  if (!value) return std::nullopt;
+  return std::visit([](auto&& v) { return Value(std::move(v)); }, *std::move(value));
+}
+
 std::optional<std::vector<PlacedText>> TomlTable::texts(std::string_view key) {
   const void* node = find(key);
   if (node == nullptr) return std::nullopt;

@@ -68,6 +68,8 @@ class TomlTable {
   std::optional<PlacedText> text(std::string_view key);
   /// A whole number (true and false are 1 and 0) or a text.
   std::optional<std::variant<int64_t, std::string>> integer_or_text(std::string_view key);
+  /// The same, or a finite number.
+  std::optional<std::variant<int64_t, double, std::string>> number_or_text(std::string_view key);
   std::optional<std::vector<PlacedText>> texts(std::string_view key);
   /// Exactly `count` finite numbers.
   std::optional<std::vector<double>> numbers(std::string_view key, size_t count);

@@ -6,6 +6,7 @@
 #include <new>
 
 #include "sightline/base/check.hpp"
+#include "sightline/base/recycling_allocator.hpp"
 
 namespace sightline {
 namespace {
@@ -37,17 +38,11 @@ Picture::Picture(int width, int height) {
   view_.v = {base + luma_bytes + chroma_bytes, chroma_width, chroma_height, chroma_stride};
 }
 
-// Pictures and the control blocks of the shared pointers that are out of use. Held by the pool and
-// by every picture that is out, so the last picture may come home after the pool is gone.
+// Pictures out of use. Held by the pool and by every picture that is out, so the last picture may
+// come home after the pool is gone.
 struct PicturePool::Shared {
-  static constexpr size_t kBlockBytes = 128;
-  struct Block {
-    alignas(std::max_align_t) std::byte bytes[kBlockBytes];
-  };
-
   Shared(int w, int h, size_t keep) : width(w), height(h), keep_at_most(keep) {
     pictures.reserve(keep);
-    blocks.reserve(keep);
   }
 
   void give_back(Picture* picture) {
@@ -55,48 +50,11 @@ struct PicturePool::Shared {
     std::lock_guard lock(mutex);
     if (pictures.size() < keep_at_most) pictures.push_back(std::move(owned));
   }
-  std::unique_ptr<Block> take_block() {
-    std::lock_guard lock(mutex);
-    if (blocks.empty()) return nullptr;
-    auto block = std::move(blocks.back());
-    blocks.pop_back();
-    return block;
-  }
-  void give_back_block(Block* block) {
-    std::unique_ptr<Block> owned(block);
-    std::lock_guard lock(mutex);
-    if (blocks.size() < keep_at_most) blocks.push_back(std::move(owned));
-  }
-
-  // Allocator of the control blocks: without it every get() would allocate one.
-  template <typename T>
-  struct BlockAllocator {
-    using value_type = T;
-    explicit BlockAllocator(std::shared_ptr<Shared> s) : shared(std::move(s)) {}
-    template <typename U>
-    BlockAllocator(const BlockAllocator<U>& other) : shared(other.shared) {}  // NOLINT: rebinding
-
-    T* allocate(size_t n) {
-      static_assert(sizeof(T) <= kBlockBytes && alignof(T) <= alignof(std::max_align_t));
-      SL_CHECK(n == 1, "one control block at a time");
-      auto block = shared->take_block();
-      if (!block) block = std::make_unique<Block>();
-      return reinterpret_cast<T*>(block.release());
-    }
-    void deallocate(T* p, size_t) { shared->give_back_block(reinterpret_cast<Block*>(p)); }
-    template <typename U>
-    bool operator==(const BlockAllocator<U>& other) const {
-      return shared == other.shared;
-    }
-
-    std::shared_ptr<Shared> shared;
-  };
 
   const int width, height;
   const size_t keep_at_most;
   mutable std::mutex mutex;
   std::vector<std::unique_ptr<Picture>> pictures;
-  std::vector<std::unique_ptr<Block>> blocks;
   size_t allocated = 0;
   std::unique_ptr<PicturePool> half;
 };
@@ -118,7 +76,7 @@ std::shared_ptr<Picture> PicturePool::get() {
   if (!picture) picture = std::make_unique<Picture>(shared_->width, shared_->height);
   return std::shared_ptr<Picture>(
       picture.release(), [shared = shared_](Picture* p) { shared->give_back(p); },
-      Shared::BlockAllocator<Picture>(shared_));
+      RecyclingAllocator<Picture>());
 }
 
 std::shared_ptr<Picture> PicturePool::get_half() {

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "sightline/base/check.hpp"
+#include "sightline/base/recycling_allocator.hpp"
 #include "sightline/image/convert.hpp"
 
 namespace sightline {
@@ -30,7 +31,7 @@ I420View planes_of(const FrameInfo& info, const FramePayload& payload) {
 
 }  // namespace
 
-Frame::Frame(const FrameInfo& info, FramePayload payload, std::shared_ptr<PicturePool> pool,
+Frame::Frame(Key, const FrameInfo& info, FramePayload payload, std::shared_ptr<PicturePool> pool,
              std::shared_ptr<const Picture> picture)
     : info_(info),
       payload_(std::move(payload)),
@@ -43,7 +44,8 @@ FramePtr Frame::decoded(const FrameInfo& info, std::shared_ptr<const Picture> pi
   SL_CHECK(picture != nullptr, "a decoded frame has a picture");
   SL_CHECK(picture->width() == info.width && picture->height() == info.height,
            "frame and picture differ in size");
-  return FramePtr(new Frame(info, std::move(payload), std::move(pool), std::move(picture)));
+  return std::allocate_shared<const Frame>(RecyclingAllocator<Frame>(), Key(), info,
+                                           std::move(payload), std::move(pool), std::move(picture));
 }
 
 FramePtr Frame::raw(const FrameInfo& info, FramePayload payload,
@@ -52,7 +54,8 @@ FramePtr Frame::raw(const FrameInfo& info, FramePayload payload,
   SL_CHECK(needed.has_value(), "the source passed a format or size that is no raw picture");
   SL_CHECK(payload.bytes.size() >= *needed, "the source passed a payload that is too small");
   SL_CHECK(pool != nullptr, "a raw frame needs a pool for its picture");
-  return FramePtr(new Frame(info, std::move(payload), std::move(pool), nullptr));
+  return std::allocate_shared<const Frame>(RecyclingAllocator<Frame>(), Key(), info,
+                                           std::move(payload), std::move(pool), nullptr);
 }
 
 I420View Frame::i420() const {

@@ -27,8 +27,8 @@ inline InstallationFiles fake_files() {
   InstallationFiles files;
   files.calibration = [is_there](const auto& path) -> Result<std::vector<CalibratedCamera>> {
     if (!is_there(path)) return make_error(ErrorCode::kNotFound, path.string(), "no such file");
-    return std::vector{calibrated("left"), calibrated("right"), calibrated("side"),
-                       calibrated("odd", 641), calibrated("unrecorded")};
+    return std::vector{calibrated("left"), calibrated("right"),    calibrated("side"),
+                       calibrated("back"), calibrated("odd", 641), calibrated("unrecorded")};
   };
   files.object = [is_there](const auto& path) -> Result<ObjectDescription> {
     if (!is_there(path)) return make_error(ErrorCode::kNotFound, path.string(), "no such file");

@@ -57,8 +57,17 @@ name = "side"
 source = "rtsp://me:secret@10.0.0.7/live"
 transport = "udp"
 latency_ms = 50
+[[camera]]
+name = "back"
+source = 'libcamera:\_SB_.PCI0-1:1.0-0bda:58f4'
+rate = 15
+buffers = 6
+[camera.controls]
+AeEnable = false
+AnalogueGain = 2.5
+AfMode = "continuous"
 )");
-  ASSERT_EQ(installation.cameras.size(), 3u);
+  ASSERT_EQ(installation.cameras.size(), 4u);
   const CameraConfig& left = installation.cameras[0];
   EXPECT_EQ(left.source, SourceKind::kV4l2);
   EXPECT_EQ(left.v4l2.device, "serial:A0");
@@ -83,6 +92,15 @@ latency_ms = 50
   EXPECT_EQ(side.network.transport, RtspTransport::kUdp);
   EXPECT_EQ(side.network.latency_ms, 50);
   EXPECT_EQ(side.network.width, 640);
+  const CameraConfig& back = installation.cameras[3];
+  EXPECT_EQ(back.source, SourceKind::kLibcamera);
+  EXPECT_EQ(back.libcamera.id, "\\_SB_.PCI0-1:1.0-0bda:58f4");
+  EXPECT_EQ(back.libcamera.rate_hz, 15);
+  EXPECT_EQ(back.libcamera.height, 480);
+  EXPECT_EQ(back.libcamera.buffers, 6);
+  EXPECT_EQ(back.libcamera.controls.at("AeEnable"), LibcameraControlValue(int64_t{0}));
+  EXPECT_EQ(back.libcamera.controls.at("AnalogueGain"), LibcameraControlValue(2.5));
+  EXPECT_EQ(back.libcamera.controls.at("AfMode"), LibcameraControlValue("continuous"));
   EXPECT_TRUE(compare(installation, installation).none());
 }
 

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// A small client of the V4L2 source, for tests in a guest with real drivers. Prints what happens,
-// one event a line, and counts at the end.
+// A small client of the V4L2 and libcamera sources, for tests in a guest with real drivers. Prints
+// what happens, one event a line, and counts at the end.
 //
 //     capture_probe list
 //     capture_probe formats DEVICE WxH     grabs in every format and compares 75 % colour bars
 //     capture_probe stream DEVICE FORMAT WxH SECONDS
 //                                          streams, opens again after errors
+//     capture_probe libcamera list
+//     capture_probe libcamera stream ID FORMAT WxH SECONDS [CONTROL=VALUE...]
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -21,6 +23,7 @@
 
 #include "sightline/base/time.hpp"
 #include "sightline/capture/device_info.hpp"
+#include "sightline/capture/libcamera_source.hpp"
 #include "sightline/capture/v4l2_source.hpp"
 
 namespace {
@@ -78,8 +81,7 @@ long open_files() {
                        std::filesystem::directory_iterator());
 }
 
-int list() {
-  const auto devices = list_v4l2();
+int list(const Result<std::vector<DeviceInfo>>& devices) {
   if (!devices) return std::puts(devices.error().message().c_str()), 1;
   for (const DeviceInfo& device : *devices) {
     std::printf("%s | %s | %s | %s | %zu modes %s\n", device.id.c_str(), device.model.c_str(),
@@ -107,7 +109,8 @@ bool check_format(V4l2Options options, const std::string& format) {
   return worst <= kTolerance;
 }
 
-void set_size(V4l2Options& options, const char* size) {
+template <typename Options>
+void set_size(Options& options, const char* size) {
   if (std::sscanf(size, "%dx%d", &options.width, &options.height) != 2) std::exit(2);
 }
 
@@ -133,12 +136,9 @@ int formats(const char* device, const char* size) {
   return good == 0 || bad > 0;
 }
 
-int stream(const char* device, const char* format, const char* size, double seconds) {
-  V4l2Options options;
-  options.device = device;
-  options.format = format;
+template <typename Options, typename Open>
+int stream(Options options, Open open, double seconds) {
   options.counters = std::make_shared<CaptureCounters>();
-  set_size(options, size);
   const Time end = MonotonicClock::now() + from_seconds(seconds);
   std::string last_error;
   const auto report = [&](const Error& error) {
@@ -148,7 +148,7 @@ int stream(const char* device, const char* format, const char* size, double seco
   };
   Duration worst_error{0}, worst_age{0};
   while (MonotonicClock::now() < end) {
-    auto source = open_v4l2_source(options, CameraId(0), "probe");
+    auto source = open(options, CameraId(0), "probe");
     if (!source) {
       report(source.error());
       continue;
@@ -181,16 +181,48 @@ int stream(const char* device, const char* format, const char* size, double seco
   return c.good.value() == 0;
 }
 
+template <typename Options>
+Options options_for(const char* format, const char* size) {
+  Options options;
+  options.format = format;
+  set_size(options, size);
+  return options;
+}
+
+int stream_v4l2(char** argv) {
+  auto options = options_for<V4l2Options>(argv[3], argv[4]);
+  options.device = argv[2];
+  return stream(options, open_v4l2_source, std::atof(argv[5]));
+}
+
+int stream_libcamera(char** argv) {
+  auto options = options_for<LibcameraOptions>(argv[4], argv[5]);
+  options.id = argv[3];
+  for (char** control = argv + 7; *control != nullptr; ++control) {
+    const std::string text = *control;
+    const size_t equals = std::min(text.find('='), text.size() - 1);
+    char* end = nullptr;
+    const double number = std::strtod(text.c_str() + equals + 1, &end);
+    const bool is_number = *end == '\0';
+    options.controls[text.substr(0, equals)] =
+        is_number ? LibcameraControlValue(number) : text.substr(equals + 1);
+  }
+  return stream(options, open_libcamera_source, std::atof(argv[6]));
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   std::setvbuf(stdout, nullptr, _IOLBF, 0);
   const std::string what = argc > 1 ? argv[1] : "";
-  if (what == "list") return list();
+  if (what == "list") return list(list_v4l2());
   if (what == "formats" && argc == 4) return formats(argv[2], argv[3]);
   if (what == "stream" && argc == 6) {
-    return stream(argv[2], argv[3], argv[4], std::atof(argv[5]));
+    return stream_v4l2(argv);
   }
+  const std::string which = what == "libcamera" && argc > 2 ? argv[2] : "";
+  if (which == "list") return list(list_libcamera());
+  if (which == "stream" && argc >= 7) return stream_libcamera(argv);
   std::fputs("usage: see the head of capture_probe.cpp\n", stderr);
   return 2;
 }

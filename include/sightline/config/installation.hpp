@@ -11,6 +11,7 @@
 #include "sightline/base/log.hpp"
 #include "sightline/base/result.hpp"
 #include "sightline/capture/aravis_source.hpp"
+#include "sightline/capture/libcamera_source.hpp"
 #include "sightline/capture/network_source.hpp"
 #include "sightline/capture/v4l2_source.hpp"
 #include "sightline/control/http_server.hpp"
@@ -32,16 +33,17 @@ constexpr bool observes(CameraRole role) { return role != CameraRole::kStream; }
 constexpr bool streams(CameraRole role) { return role != CameraRole::kObserve; }
 
 /// Where a camera's pictures come from: "replay:FOLDER", an RTSP or HTTP address, "aravis:ID",
-/// "v4l2:DEVICE".
-enum class SourceKind : uint8_t { kReplay, kNetwork, kAravis, kV4l2 };
+/// "v4l2:DEVICE", "libcamera:ID".
+enum class SourceKind : uint8_t { kReplay, kNetwork, kAravis, kV4l2, kLibcamera };
 
 /// One camera of an installation; its index in Installation::cameras is its CameraId.
 struct CameraConfig {
   std::string name;
   SourceKind source = SourceKind::kReplay;
-  NetworkOptions network{};  ///< of the three, the one that `source` says is complete, ...
+  NetworkOptions network{};  ///< of the four, the one that `source` says is complete, ...
   AravisOptions aravis{};    ///< ... but for the epoch
   V4l2Options v4l2{};
+  LibcameraOptions libcamera{};
   std::filesystem::path recording;  ///< folder of the recording that is played ("replay:...")
   std::string recorded_as;          ///< name of the camera in it
   bool loop = true;                 ///< play it again and again

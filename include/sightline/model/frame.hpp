@@ -52,6 +52,8 @@ using FramePtr = std::shared_ptr<const Frame>;
 
 /// One picture of one camera. Any thread may read any frame.
 class Frame {
+  struct Key {};  // only the two makers below have it
+
  public:
   /// A frame whose pixels are decoded already (replay, MJPEG, H.264). `payload` may be empty.
   /// `pool` (of the frame's size) lends the half-size picture; without it, that one is allocated.
@@ -62,6 +64,9 @@ class Frame {
   /// the device gave (raw_picture_bytes()) before it makes a frame.
   static FramePtr raw(const FrameInfo& info, FramePayload payload,
                       std::shared_ptr<PicturePool> pool);
+
+  Frame(Key, const FrameInfo& info, FramePayload payload, std::shared_ptr<PicturePool> pool,
+        std::shared_ptr<const Picture> picture);
 
   const FrameInfo& info() const { return info_; }
   const FramePayload& payload() const { return payload_; }
@@ -77,9 +82,6 @@ class Frame {
   PlaneView half_grey() const;
 
  private:
-  Frame(const FrameInfo& info, FramePayload payload, std::shared_ptr<PicturePool> pool,
-        std::shared_ptr<const Picture> picture);
-
   FrameInfo info_;
   FramePayload payload_;
   std::shared_ptr<PicturePool> pool_;
