@@ -20,7 +20,7 @@ int check(const CheckOptions& options);
 struct EvaluateCommandOptions {
   std::filesystem::path truth;
   std::filesystem::path poses;
-  std::filesystem::path object_file;  ///< empty: no symmetry
+  std::vector<std::filesystem::path> object_files;  ///< whose symmetry counts
   bool json = false;
 };
 int evaluate(const EvaluateCommandOptions& options);

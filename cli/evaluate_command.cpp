@@ -15,8 +15,8 @@ Result<Evaluation> evaluate_files(const EvaluateCommandOptions& options) {
   SL_ASSIGN(const auto truth, read_truth(options.truth));
   SL_ASSIGN(const auto poses, read_pose_log(options.poses));
   EvaluateOptions rules;
-  if (!options.object_file.empty()) {
-    SL_ASSIGN(const ObjectDescription object, read_object_file(options.object_file));
+  for (const auto& file : options.object_files) {
+    SL_ASSIGN(const ObjectDescription object, read_object_file(file));
     rules.symmetry[object.name] = {object.symmetry, object.symmetry_axis, object.symmetry_order};
   }
   Evaluation evaluation = sightline::evaluate(truth, poses, rules);

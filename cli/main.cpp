@@ -111,8 +111,10 @@ int run(int argc, char** argv) {
   auto* evaluate_command = app.add_subcommand("evaluate", "errors of a pose log against the truth");
   evaluate_command->add_option("TRUTH", evaluate.truth, "truth.csv")->required();
   evaluate_command->add_option("POSES", evaluate.poses, "poses.csv")->required();
-  evaluate_command->add_option("--object", evaluate.object_file,
-                               "object file whose symmetry the errors respect");
+  evaluate_command
+      ->add_option("--object", evaluate.object_files,
+                   "object file whose symmetry the errors respect; may be repeated")
+      ->allow_extra_args(false);
   evaluate_command->add_flag("--json", evaluate.json, "as JSON");
 
   cli::ReplayOptions replay;

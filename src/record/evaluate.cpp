@@ -62,6 +62,25 @@ struct Errors {
   }
 };
 
+struct Normalized {
+  static constexpr double kBound = 2.8;  // 95 % of the length of three unit normals
+  size_t count = 0, beyond = 0;
+  double translation = 0, rotation = 0;
+
+  void add(const PoseError& error, const PoseLogRow& row) {
+    if (!(row.sigma_t_mm > 0 && row.sigma_r_deg > 0)) return;
+    const double t = error.mm / row.sigma_t_mm, r = error.deg / row.sigma_r_deg;
+    ++count;
+    translation += t * t;
+    rotation += r * r;
+    if (t > kBound || r > kBound) ++beyond;
+  }
+  NormalizedError summary() const {
+    const auto n = static_cast<double>(std::max<size_t>(count, 1));
+    return {count, translation / n, rotation / n, static_cast<double>(beyond) / n};
+  }
+};
+
 size_t count_covered(const Truth& truth, const std::vector<Time>& claimed, Duration tolerance) {
   return static_cast<size_t>(std::count_if(truth.begin(), truth.end(), [&](const TruthRow* row) {
     const auto near = std::lower_bound(claimed.begin(), claimed.end(), row->time - tolerance);
@@ -79,14 +98,16 @@ ObjectEvaluation evaluate_object(const std::string& name, const Truth& truth,
   out.object = name;
   Errors all;
   std::map<TrackState, Errors> by_state;
+  std::map<TrackState, Normalized> normalized;
   std::vector<Time> claimed;
   for (const PoseLogRow& row : poses) {
     if (row.object != name) continue;
     ++out.rows;
     ++out.state_rows[static_cast<size_t>(row.state)];
+    const auto there = truth_at(truth, row.time, options.max_truth_gap);
+    if (there) ++out.judged;
     if (!row.world_from_object) continue;
     claimed.push_back(row.time);
-    const auto there = truth_at(truth, row.time, options.max_truth_gap);
     if (!there) {
       ++out.outside_truth;
       continue;
@@ -94,6 +115,10 @@ ObjectEvaluation evaluate_object(const std::string& name, const Truth& truth,
     const PoseError error = pose_error(*there, *row.world_from_object, symmetry);
     all.add(error);
     by_state[row.state].add(error);
+    normalized[row.state].add(error, row);
+    if (error.mm <= options.success_translation_mm && error.deg <= options.success_rotation_deg) {
+      ++out.within;
+    }
     const bool off =
         error.mm > options.wrong_translation_mm || error.deg > options.wrong_rotation_deg;
     if (off && row.state == TrackState::kTracking) out.wrong_claims.push_back(row.time);
@@ -103,24 +128,8 @@ ObjectEvaluation evaluate_object(const std::string& name, const Truth& truth,
   out.covered = count_covered(truth, claimed, options.coverage_tolerance);
   out.all = all.summary();
   for (auto& [state, errors] : by_state) out.by_state[state] = errors.summary();
+  for (const auto& [state, errors] : normalized) out.normalized[state] = errors.summary();
   return out;
-}
-
-/// Angle between two rotations, least over an object's symmetry.
-double symmetric_angle(const Rigid3& truth, const Rigid3& pose, const SymmetryOption& symmetry) {
-  const Eigen::Vector3d axis = symmetry.axis.normalized();
-  if (symmetry.kind == Symmetry::kAxis) {
-    const Eigen::Vector3d a = truth.rotation * axis, b = pose.rotation * axis;
-    return std::atan2(a.cross(b).norm(), a.dot(b));
-  }
-  double least = rotation_angle(truth, pose);
-  if (symmetry.kind != Symmetry::kDiscrete) return least;
-  for (int turn = 1; turn < symmetry.order; ++turn) {
-    const Eigen::AngleAxisd step(2.0 * std::numbers::pi * turn / symmetry.order, axis);
-    const Rigid3 turned(pose.rotation * Eigen::Quaterniond(step), pose.translation);
-    least = std::min(least, rotation_angle(truth, turned));
-  }
-  return least;
 }
 
 }  // namespace
@@ -129,9 +138,32 @@ double ObjectEvaluation::coverage() const {
   return truth_times == 0 ? 0.0 : static_cast<double>(covered) / static_cast<double>(truth_times);
 }
 
+double ObjectEvaluation::success() const {
+  return judged == 0 ? 0.0 : static_cast<double>(within) / static_cast<double>(judged);
+}
+
+Rigid3 nearest_alike(const Rigid3& truth, const Rigid3& pose, const SymmetryOption& symmetry) {
+  const Eigen::Vector3d axis = symmetry.axis.normalized();
+  const auto turned = [&](double angle) {
+    return Rigid3(truth.rotation * Eigen::AngleAxisd(angle, axis), truth.translation);
+  };
+  if (symmetry.kind == Symmetry::kAxis) {
+    // The part of the difference that turns about the axis (swing-twist decomposition).
+    const Eigen::Quaterniond between = truth.rotation.conjugate() * pose.rotation;
+    return turned(2 * std::atan2(between.vec().dot(axis), between.w()));
+  }
+  Rigid3 nearest = truth;
+  if (symmetry.kind != Symmetry::kDiscrete) return nearest;
+  for (int turn = 1; turn < symmetry.order; ++turn) {
+    const Rigid3 other = turned(2.0 * std::numbers::pi * turn / symmetry.order);
+    if (rotation_angle(other, pose) < rotation_angle(nearest, pose)) nearest = other;
+  }
+  return nearest;
+}
+
 PoseError pose_error(const Rigid3& truth, const Rigid3& pose, const SymmetryOption& symmetry) {
   return {1e3 * translation_distance(truth, pose),
-          kDegreesPerRadian * symmetric_angle(truth, pose, symmetry)};
+          kDegreesPerRadian * rotation_angle(nearest_alike(truth, pose, symmetry), pose)};
 }
 
 Evaluation evaluate(std::span<const TruthRow> truth, std::span<const PoseLogRow> poses,

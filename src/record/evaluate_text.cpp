@@ -22,13 +22,23 @@ ordered_json to_json(const ErrorSummary& e) {
           {"max_deg", e.max_deg}};
 }
 
+ordered_json to_json(const NormalizedError& e) {
+  return {{"count", e.count},
+          {"translation", e.translation},
+          {"rotation", e.rotation},
+          {"beyond", e.beyond}};
+}
+
 ordered_json to_json(const ObjectEvaluation& object) {
   ordered_json states = ordered_json::object(), rows = ordered_json::object();
+  ordered_json normalized = ordered_json::object();
   for (const TrackState state : kStates) {
     const std::string name(to_string(state));
     rows[name] = object.state_rows[static_cast<size_t>(state)];
     const auto found = object.by_state.find(state);
     if (found != object.by_state.end()) states[name] = to_json(found->second);
+    const auto claimed = object.normalized.find(state);
+    if (claimed != object.normalized.end()) normalized[name] = to_json(claimed->second);
   }
   ordered_json wrong = ordered_json::array();
   for (const Time time : object.wrong_claims) wrong.push_back(to_ns(time));
@@ -37,6 +47,10 @@ ordered_json to_json(const ObjectEvaluation& object) {
           {"state_rows", rows},
           {"errors", to_json(object.all)},
           {"errors_by_state", states},
+          {"normalized_by_state", normalized},
+          {"success", object.success()},
+          {"judged", object.judged},
+          {"within", object.within},
           {"outside_truth", object.outside_truth},
           {"wrong_claims", object.wrong_claims.size()},
           {"wrong_claim_times_ns", wrong},
@@ -64,6 +78,14 @@ std::string to_text(const Evaluation& evaluation) {
       text += fmt::format("  {:<10} {:>6}\n", std::string(to_string(state)),
                           object.state_rows[static_cast<size_t>(state)]);
     }
+    for (const auto& [state, e] : object.normalized) {
+      text += fmt::format(
+          "  {:<10} squared error over claimed variance {:.2f}, {:.2f} (honest: 1 to 3); {:.1f} % "
+          "of rows beyond\n",
+          std::string(to_string(state)), e.translation, e.rotation, 100 * e.beyond);
+    }
+    text += fmt::format("  within 5 cm + 5 deg {:.1f} % ({} of {})\n", 100.0 * object.success(),
+                        object.within, object.judged);
     text += fmt::format("  wrong claims {}, outside the truth {}, coverage {:.1f} % ({} of {})\n",
                         object.wrong_claims.size(), object.outside_truth, 100.0 * object.coverage(),
                         object.covered, object.truth_times);

@@ -110,6 +110,48 @@ TEST(Evaluate, ForgivesSymmetry) {
   EXPECT_NEAR(pose_error(truth, tilted, {Symmetry::kAxis, z, 1}).deg, 5, 1e-9);
 }
 
+TEST(Evaluate, NearestAlikeDiffersByASymmetryAndIsTheNearest) {
+  const Eigen::Vector3d axis = Eigen::Vector3d(0.2, -0.5, 1).normalized();
+  const Rigid3 truth = turned(70, {1, 2, 3}, {0.1, 0.2, 0.3});
+  const Rigid3 pose = truth * turned(133, axis, {0, 0, 0}) * turned(3, {1, 0.3, 0}, {0, 0, 0});
+  for (const SymmetryOption& symmetry :
+       {SymmetryOption{Symmetry::kAxis, axis, 1}, SymmetryOption{Symmetry::kDiscrete, axis, 6}}) {
+    const Rigid3 alike = nearest_alike(truth, pose, symmetry);
+    EXPECT_LT((alike.translation - truth.translation).norm(), 1e-12);
+    // The axis stays where it is.
+    EXPECT_LT((alike.rotation * axis - truth.rotation * axis).norm(), 1e-9);
+    const int steps = symmetry.kind == Symmetry::kAxis ? 3600 : 6;
+    for (int i = 0; i < steps; ++i) {
+      const Rigid3 other = truth * turned(360.0 * i / steps, axis, {0, 0, 0});
+      EXPECT_LE(rotation_angle(alike, pose), rotation_angle(other, pose) + 1e-9);
+    }
+  }
+  EXPECT_LT(rotation_angle(nearest_alike(truth, pose, {}), truth), 1e-12);
+}
+
+TEST(Evaluate, CountsRowsWithoutAPoseAsFailures) {
+  const std::vector rows = {row_at(0, {}), row_at(25, turned(4, {1, 0, 0}, {0.049, 0, 0})),
+                            row_at(50, turned(6, {1, 0, 0}, {0, 0, 0})),
+                            row_at(75, {}, TrackState::kLost), row_at(500, {}, TrackState::kLost)};
+  const auto cup = evaluate(still_truth(), rows).objects[0];
+  EXPECT_EQ(cup.judged, 4u);  // the last is after the truth
+  EXPECT_EQ(cup.within, 2u);
+  EXPECT_EQ(cup.success(), 0.5);
+}
+
+TEST(Evaluate, ComparesErrorsWithWhatIsClaimed) {
+  std::vector rows = {row_at(0, turned(1, {1, 0, 0}, {0.002, 0, 0})),
+                      row_at(50, turned(4, {1, 0, 0}, {0, 0, 0}))};
+  for (PoseLogRow& row : rows) row.sigma_t_mm = 1, row.sigma_r_deg = 1;
+  const auto claimed = evaluate(still_truth(), rows).objects[0].normalized;
+  ASSERT_EQ(claimed.size(), 1u);
+  const NormalizedError& e = claimed.at(TrackState::kTracking);
+  EXPECT_EQ(e.count, 2u);
+  EXPECT_NEAR(e.translation, 2, 1e-9);  // (2^2 + 0) / 2
+  EXPECT_NEAR(e.rotation, 8.5, 1e-9);   // (1 + 16) / 2
+  EXPECT_EQ(e.beyond, 0.5);
+}
+
 TEST(Evaluate, NamesWhatIsMissing) {
   const std::vector<TruthRow> truth = {{at_ms(0), "box", {}}};
   const std::vector<PoseLogRow> rows = {row_at(0, {})};

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <mutex>
 
 #include "sightline/image/convert.hpp"
 #include "support/random.hpp"
@@ -141,32 +142,52 @@ struct SceneRenderer::Box {
   }
 };
 
-SceneRenderer::SceneRenderer(CalibratedCamera camera, const Backdrop& backdrop, double blur_px)
-    : camera_(std::move(camera)), blur_px_(blur_px) {
-  const int width = camera_.model.width(), height = camera_.model.height();
-  for (int y = 0; y <= height; ++y) {
-    for (int x = 0; x <= width; ++x) {
+struct SceneRenderer::Room {
+  std::once_flag once;
+  Light sharp, blurred;
+};
+
+SceneRenderer::~SceneRenderer() = default;
+SceneRenderer::SceneRenderer(SceneRenderer&&) noexcept = default;
+
+SceneRenderer::SceneRenderer(CalibratedCamera camera, std::shared_ptr<const Backdrop> backdrop,
+                             double blur_px)
+    : camera_(std::move(camera)),
+      blur_px_(blur_px),
+      backdrop_(std::move(backdrop)),
+      room_(std::make_unique<Room>()) {
+  for (int y = 0; y <= camera_.model.height(); ++y) {
+    for (int x = 0; x <= camera_.model.width(); ++x) {
       const auto ray = camera_.model.unproject({x - 0.5, y - 0.5});
       rays_.push_back(ray ? Eigen::Vector3f((*ray / ray->z()).cast<float>())
                           : Eigen::Vector3f(0, 0, 1));
     }
   }
-  const Eigen::Matrix3f rotation = camera_.world_from_camera.rotation_matrix().cast<float>();
-  const Eigen::Vector3f origin = camera_.world_from_camera.translation.cast<float>();
-  constexpr float kPlaces[2][2] = {{-0.25f, 0.2f}, {0.25f, -0.2f}};
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
-      Eigen::Vector3f sum = Eigen::Vector3f::Zero();
-      for (const auto& place : kPlaces) {
-        const Eigen::Vector3f direction =
-            rotation * ray(static_cast<float>(x) + place[0], static_cast<float>(y) + place[1]);
-        sum += backdrop.light(origin, direction);
+}
+
+const SceneRenderer::Room& SceneRenderer::room() const {
+  std::call_once(room_->once, [this] {
+    const int width = camera_.model.width(), height = camera_.model.height();
+    const Eigen::Matrix3f rotation = camera_.world_from_camera.rotation_matrix().cast<float>();
+    const Eigen::Vector3f origin = camera_.world_from_camera.translation.cast<float>();
+    constexpr float kPlaces[2][2] = {{-0.25f, 0.2f}, {0.25f, -0.2f}};
+    for (int y = 0; y < height; ++y) {
+      for (int x = 0; x < width; ++x) {
+        Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+        for (const auto& place : kPlaces) {
+          const Eigen::Vector3f direction =
+              rotation * ray(static_cast<float>(x) + place[0], static_cast<float>(y) + place[1]);
+          sum += backdrop_->light(origin, direction);
+        }
+        room_->sharp.push_back(0.5f * sum);
       }
-      sharp_.push_back(0.5f * sum);
     }
-  }
-  blurred_ = sharp_;
-  if (blur_px_ > 0) blur(sharp_, width, height, 0, 0, width, height, blur_px_, blurred_);
+    room_->blurred = room_->sharp;
+    if (blur_px_ > 0) {
+      blur(room_->sharp, width, height, 0, 0, width, height, blur_px_, room_->blurred);
+    }
+  });
+  return *room_;
 }
 
 // Between the pixels' corners rays are linear to far below a hundredth of a pixel.
@@ -266,12 +287,13 @@ Eigen::Vector3f SceneRenderer::sample(const std::vector<Placed>& bodies, float x
   return (0.38f + 0.75f * key + 0.25f * fill) * color + Eigen::Vector3f::Constant(gloss);
 }
 
-void SceneRenderer::expose(const std::vector<Placed>& bodies, const Box& box, Light& light) const {
+void SceneRenderer::expose(const std::vector<Placed>& bodies, const Box& box, const Light& backdrop,
+                           Light& light) const {
   const int width = camera_.model.width();
   for (int y = box.y0; y < box.y1; ++y) {
     for (int x = box.x0; x < box.x1; ++x) {
       const auto at = static_cast<size_t>(y * width + x);
-      const Eigen::Vector3f& behind = sharp_[at];
+      const Eigen::Vector3f& behind = backdrop[at];
       Eigen::Vector3f sum = Eigen::Vector3f::Zero();
       Eigen::Array3f low = Eigen::Array3f::Constant(1e9f), high = -low;
       int first_hit = -2, done = 0;
@@ -305,12 +327,13 @@ FramePtr SceneRenderer::shoot(const std::vector<SceneBody>& bodies, Time capture
     const Box box = box_of(one);
     if (!box.empty()) all.add(box);
   }
-  const Light* seen = &blurred_;
+  const Room& behind = room();
+  const Light* seen = &behind.blurred;
   Light light, soft;
   if (!all.empty()) {
-    light = sharp_;
-    for (const Placed& one : placed) expose(placed, box_of(one), light);
-    soft = blurred_;
+    light = behind.sharp;
+    for (const Placed& one : placed) expose(placed, box_of(one), behind.sharp, light);
+    soft = behind.blurred;
     const Box spread = all.grown(static_cast<int>(std::ceil(3 * blur_px_)), width, height);
     if (blur_px_ > 0) {
       blur(light, width, height, spread.x0, spread.y0, spread.x1, spread.y1, blur_px_, soft);

@@ -49,7 +49,10 @@ struct Sensor {
 class SceneRenderer {
  public:
   /// `blur_px`: of the lens, one sigma; 0: none.
-  SceneRenderer(CalibratedCamera camera, const Backdrop& backdrop, double blur_px = 0.7);
+  SceneRenderer(CalibratedCamera camera, std::shared_ptr<const Backdrop> backdrop,
+                double blur_px = 0.7);
+  ~SceneRenderer();
+  SceneRenderer(SceneRenderer&&) noexcept;
 
   const CalibratedCamera& camera() const { return camera_; }
 
@@ -74,12 +77,16 @@ class SceneRenderer {
   Box box_of(const Placed& placed) const;
   Eigen::Vector3f sample(const std::vector<Placed>& bodies, float x, float y, int moment,
                          const Eigen::Vector3f& behind, int& hit) const;
-  void expose(const std::vector<Placed>& bodies, const Box& box, Light& light) const;
+  void expose(const std::vector<Placed>& bodies, const Box& box, const Light& behind,
+              Light& light) const;
 
   CalibratedCamera camera_;
   std::vector<Eigen::Vector3f> rays_;  // of the pixels' corners, z = 1, camera frame
   double blur_px_;
-  Light sharp_, blurred_;  // the backdrop as it is and as the lens shows it
+  std::shared_ptr<const Backdrop> backdrop_;
+  struct Room;  // the backdrop as it is and as the lens shows it, made when first asked for
+  const Room& room() const;
+  std::unique_ptr<Room> room_;
 };
 
 /// A frame from levels (RGB, row by row) as a camera would deliver it: I420, BT.601 limited range.

@@ -31,7 +31,7 @@ CalibratedCamera camera_at(const SceneRigOptions& options, size_t index) {
 
 SceneRig::SceneRig(const SceneRigOptions& options) : options_(options) {
   SL_CHECK(options.shape != nullptr && options.path, "a rig needs a shape and a path");
-  const Backdrop backdrop(options.backdrop);
+  const auto backdrop = std::make_shared<const Backdrop>(options.backdrop);
   for (size_t i = 0; i < options.azimuths_deg.size(); ++i) {
     cameras_.push_back(camera_at(options, i));
     renderers_.emplace_back(cameras_.back(), backdrop, options.blur_px);
@@ -97,18 +97,24 @@ std::vector<std::vector<SceneShot>> SceneRig::sets() const {
   return sets;
 }
 
-FramePtr SceneRig::shoot(const SceneShot& shot) const {
-  Sensor sensor = options_.sensor;
-  if (options_.exposure) sensor.exposure *= options_.exposure(shot.camera, shot.true_capture);
-  const uint64_t noise =
-      options_.seed * 1'000'003 + static_cast<uint64_t>(shot.camera) * 100'003 + shot.sequence;
+FrameInfo SceneRig::info_of(const SceneShot& shot) const {
   FrameInfo info;
   info.camera = CameraId(static_cast<uint32_t>(shot.camera));
   info.sequence = shot.sequence;
   info.capture = shot.stamp;
   info.arrival = shot.stamp + options_.delay;
+  info.width = options_.lens.width;
+  info.height = options_.lens.height;
+  return info;
+}
+
+FramePtr SceneRig::shoot(const SceneShot& shot) const {
+  Sensor sensor = options_.sensor;
+  if (options_.exposure) sensor.exposure *= options_.exposure(shot.camera, shot.true_capture);
+  const uint64_t noise =
+      options_.seed * 1'000'003 + static_cast<uint64_t>(shot.camera) * 100'003 + shot.sequence;
   return renderers_[static_cast<size_t>(shot.camera)].shoot(bodies_, shot.true_capture, sensor,
-                                                            noise, info);
+                                                            noise, info_of(shot));
 }
 
 double SceneRig::visible_share(const SceneShot& shot) const {

@@ -72,6 +72,8 @@ class SceneRig {
   /// The same, shots of one stamp together: what replay processes at once.
   std::vector<std::vector<SceneShot>> sets() const;
   FramePtr shoot(const SceneShot& shot) const;
+  /// What the shot's frame says of itself.
+  FrameInfo info_of(const SceneShot& shot) const;
 
   /// Share of the object's pixels in the shot's picture that nothing hides; 0 if out of the
   /// picture.

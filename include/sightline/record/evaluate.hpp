@@ -23,6 +23,8 @@ struct SymmetryOption {
 struct EvaluateOptions {
   double wrong_translation_mm = 20;  ///< a `tracking` row further off is a wrong claim
   double wrong_rotation_deg = 10;
+  double success_translation_mm = 50;
+  double success_rotation_deg = 5;
   /// Rows between two truth times further apart than this count as outside the truth.
   Duration max_truth_gap = std::chrono::milliseconds(200);
   /// A truth time is covered by a row with a pose so close to it.
@@ -37,6 +39,15 @@ struct ErrorSummary {
   double median_deg = 0, p95_deg = 0, max_deg = 0;
 };
 
+/// Squared errors over what the log claims. A row's sigmas are those of the worst direction: where
+/// they are honest, the mean over three directions is between 1 and 3, and 5 % of the rows at most
+/// are `beyond` 2.8 sigma.
+struct NormalizedError {
+  size_t count = 0;
+  double translation = 0, rotation = 0;  ///< means of (error / sigma)^2
+  double beyond = 0;                     ///< share of rows, translation or rotation
+};
+
 /// How far the logged poses of one object are from the truth.
 struct ObjectEvaluation {
   std::string object;
@@ -46,9 +57,13 @@ struct ObjectEvaluation {
   std::map<TrackState, ErrorSummary> by_state;
   std::array<size_t, 5> state_rows{};  ///< rows per TrackState
   std::vector<Time> wrong_claims;      ///< `tracking` but further off than the limits
+  std::map<TrackState, NormalizedError> normalized;
+  size_t judged = 0;  ///< rows of any state at times that have truth ...
+  size_t within = 0;  ///< ... and those of them with a pose within the success limits
   size_t truth_times = 0;
   size_t covered = 0;  ///< truth times with a pose
   double coverage() const;
+  double success() const;  ///< within / judged: rows without a pose are failures, seen or not
 };
 
 struct Evaluation {
@@ -65,6 +80,9 @@ struct PoseError {
   double mm = 0, deg = 0;
 };
 PoseError pose_error(const Rigid3& truth, const Rigid3& pose, const SymmetryOption& symmetry = {});
+
+/// Of the true poses that look alike, the one that is nearest to `pose` in rotation.
+Rigid3 nearest_alike(const Rigid3& truth, const Rigid3& pose, const SymmetryOption& symmetry);
 
 /// A table for people, and the same as JSON.
 std::string to_text(const Evaluation& evaluation);
