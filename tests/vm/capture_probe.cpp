@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// A small client of the V4L2 and libcamera sources, for tests in a guest with real drivers. Prints
-// what happens, one event a line, and counts at the end.
+// A small client of the V4L2, libcamera and Aravis sources, for tests in a guest with real drivers.
+// Prints what happens, one event a line, and counts at the end.
 //
 //     capture_probe list
 //     capture_probe formats DEVICE WxH     grabs in every format and compares 75 % colour bars
@@ -9,6 +9,9 @@
 //                                          streams, opens again after errors
 //     capture_probe libcamera list
 //     capture_probe libcamera stream ID FORMAT WxH SECONDS [CONTROL=VALUE...]
+//     capture_probe pattern CAMERA DEVICE WxH SECONDS
+//                                          compares every byte with what the emulated CAMERA sends
+//                                          (uvc, u3v, gv, sim)
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -18,10 +21,13 @@
 #include <filesystem>
 #include <iterator>
 #include <set>
+#include <span>
 #include <string>
 #include <thread>
 
+#include "pattern.hpp"
 #include "sightline/base/time.hpp"
+#include "sightline/capture/aravis_source.hpp"
 #include "sightline/capture/device_info.hpp"
 #include "sightline/capture/libcamera_source.hpp"
 #include "sightline/capture/v4l2_source.hpp"
@@ -210,6 +216,129 @@ int stream_libcamera(char** argv) {
   return stream(options, open_libcamera_source, std::atof(argv[6]));
 }
 
+using Bytes = std::span<const uint8_t>;
+
+size_t differences(Bytes bytes, int width, int height, auto pixel) {
+  size_t wrong = 0, at = 0;
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) wrong += bytes[at++] != static_cast<uint8_t>(pixel(x, y));
+  }
+  return wrong;
+}
+
+// The webcam numbers its pictures in the first four bytes.
+size_t wrong_in_webcam(Bytes bytes, int width, int height) {
+  size_t wrong = 0;
+  for (size_t at = 4; at < bytes.size(); at += 2) {
+    const size_t x = at / 2 % static_cast<size_t>(width);
+    wrong += bytes[at] != static_cast<uint8_t>(bytes[0] + x) || bytes[at + 1] != 0x80;
+  }
+  return wrong + (bytes.size() != static_cast<size_t>(width * height) * 2);
+}
+
+size_t wrong_in_usb3(Bytes bytes, int width, int height) {
+  return differences(bytes, width, height, [&](int x, int) { return bytes[0] + x; });
+}
+
+size_t wrong_in_aravis_fake(Bytes bytes, int width, int height) {
+  return differences(bytes, width, height, [&](int x, int y) { return (bytes[0] + x + y) % 255; });
+}
+
+// Our simulator's pictures repeat after a period: some number must fit all of it.
+size_t wrong_in_simulator(Bytes bytes, int width, int height) {
+  static uint64_t number = 0;
+  for (uint64_t tries = 0; tries < gige::kPatternPeriod; ++tries, ++number) {
+    bool fits = true;
+    for (int x = 0; x < 16 && fits; ++x) {
+      fits = bytes[static_cast<size_t>(x)] ==
+             static_cast<uint8_t>(gige::pattern_value(8, x, 0, number));
+    }
+    if (fits) break;
+  }
+  return differences(bytes, width, height,
+                     [](int x, int y) { return gige::pattern_value(8, x, y, number); });
+}
+
+struct Camera {
+  std::string name;
+  const char* format;
+  int bytes_per_pixel;
+  size_t (*wrong)(Bytes bytes, int width, int height);  // that are not what the camera sent
+};
+
+const std::array<Camera, 4> kCameras = {{{"uvc", "YUYV", 2, wrong_in_webcam},
+                                         {"u3v", "Mono8", 1, wrong_in_usb3},
+                                         {"gv", "Mono8", 1, wrong_in_aravis_fake},
+                                         {"sim", "Mono8", 1, wrong_in_simulator}}};
+
+bool as_sent(const Camera& camera, const Frame& frame) {
+  const Bytes bytes = frame.payload().bytes;
+  const int width = frame.info().width, height = frame.info().height;
+  return bytes.size() == static_cast<size_t>(width * height * camera.bytes_per_pixel) &&
+         camera.wrong(bytes, width, height) == 0;
+}
+
+struct OpenCamera {
+  std::unique_ptr<FrameSource> source;
+  AravisSource* aravis = nullptr;  // source, if it is one
+};
+
+Result<OpenCamera> open_camera(const Camera& camera, const V4l2Options& v4l2) {
+  OpenCamera open;
+  if (camera.name == "uvc") {
+    SL_ASSIGN(open.source, open_v4l2_source(v4l2, CameraId(0), "probe"));
+    return open;
+  }
+  AravisOptions options;
+  options.id = v4l2.device;
+  options.pixel_format = camera.format;
+  options.width = v4l2.width;
+  options.height = v4l2.height;
+  options.rate_hz = 15;
+  SL_ASSIGN(auto source, open_aravis_source(options, CameraId(0), "probe"));
+  open.aravis = source.get();
+  open.source = std::move(source);
+  return open;
+}
+
+void print_aravis(const AravisStatus& s) {
+  std::printf("aravis: lost=%lu incomplete=%lu unusable=%lu resent=%lu missing=%lu\n", s.lost,
+              s.incomplete, s.unusable, s.resent_packets, s.missing_packets);
+}
+
+int pattern(const char* name, const char* device, const char* size, double seconds) {
+  const auto camera = std::find_if(kCameras.begin(), kCameras.end(),
+                                   [&](const Camera& c) { return c.name == name; });
+  if (camera == kCameras.end()) return 2;
+  V4l2Options options;
+  options.device = device;
+  options.format = camera->format;
+  set_size(options, size);
+  const Time end = MonotonicClock::now() + from_seconds(seconds);
+  unsigned long good = 0, torn = 0, errors = 0;
+  while (MonotonicClock::now() < end) {
+    auto open = open_camera(*camera, options);
+    if (!open) {
+      std::printf("error: %s\n", open.error().message().c_str());
+      ++errors;
+      std::this_thread::sleep_for(250ms);
+      continue;
+    }
+    while (MonotonicClock::now() < end) {
+      const auto step = open->source->next({}, 200ms);
+      if (!step) {
+        std::printf("error: %s\n", step.error().message().c_str());
+        ++errors;
+        break;
+      }
+      if (step->frame) ++(as_sent(*camera, *step->frame) ? good : torn);
+    }
+    if (open->aravis) print_aravis(open->aravis->status());
+  }
+  std::printf("end: good=%lu torn=%lu errors=%lu\n", good, torn, errors);
+  return good == 0 || torn > 0;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -223,6 +352,9 @@ int main(int argc, char** argv) {
   const std::string which = what == "libcamera" && argc > 2 ? argv[2] : "";
   if (which == "list") return list(list_libcamera());
   if (which == "stream" && argc >= 7) return stream_libcamera(argv);
+  if (what == "pattern" && argc == 6) {
+    return pattern(argv[2], argv[3], argv[4], std::atof(argv[5]));
+  }
   std::fputs("usage: see the head of capture_probe.cpp\n", stderr);
   return 2;
 }

@@ -8,10 +8,12 @@
 : "${VMRIG_MIRROR:=$(apt-get indextargets --format '$(REPO_URI)' 'Created-By: Packages' | head -n 1)}"
 : "${VMRIG_CACHE:=${XDG_CACHE_HOME:-$HOME/.cache}/vmrig}"
 : "${VMRIG_DISK_MB:=1400}"                         # size of the root file system (sparse)
+: "${VMRIG_EXTRA_DISK:=}"                          # file of VMRIG_EXTRA_MB with a file system: /dev/vdb in the guest
+VMRIG_EXTRA_MB=512                                 # the same for all, or no snapshot would fit
 : "${VMRIG_CPUS:=2}"
 : "${VMRIG_MEM:=1024}"
-: "${VMRIG_ACCEL:=tcg,thread=multi}"               # "kvm" where it works
-: "${VMRIG_CPU:=max}"                              # CPU model shown to the guest
+: "${VMRIG_ACCEL:=auto}"                            # kvm where a guest really boots under it, else tcg
+: "${VMRIG_CPU:=}"                                 # CPU model shown to the guest; default: all it can be
 : "${VMRIG_QEMU_EXTRA:=}"                           # more QEMU arguments, see vmrig_qemu_args
 : "${VMRIG_EXTRA_PACKAGES:=}"                      # comma separated, part of the cache key
 
@@ -55,6 +57,34 @@ vmrig_image_dir() {
     echo "$VMRIG_CACHE/$VMRIG_SUITE-$key"
 }
 
+# Settles VMRIG_ACCEL and VMRIG_CPU for the image in $1. That /dev/kvm opens says little: in some virtual
+# machines a stock kernel hangs under it. So its first program must have run once; the answer is kept.
+vmrig_choose_accel() {
+    local answer
+    if [ "$VMRIG_ACCEL" = auto ]; then
+        answer=$VMRIG_CACHE/accel-$( { uname -r; qemu-system-x86_64 --version; } | sha256sum | cut -c1-12 )
+        [ -s "$answer" ] || { vmrig_try_kvm "$1" >"$answer.$$" && mv "$answer.$$" "$answer"; }
+        VMRIG_ACCEL=$(cat "$answer")
+    fi
+    case "$VMRIG_ACCEL" in
+        kvm*) : "${VMRIG_CPU:=host}" ;;
+        *) : "${VMRIG_CPU:=max}" ;;
+    esac
+    export VMRIG_ACCEL VMRIG_CPU
+}
+vmrig_try_kvm() {
+    local said=''
+    if [ -w /dev/kvm ]; then # without a disk the guest's first program says so and ends
+        said=$(timeout -k 1 20 qemu-system-x86_64 -nodefaults -no-user-config -no-reboot -M q35 -accel kvm -cpu host \
+            -m 512 -display none -kernel "$1/vmlinuz" -initrd "$1/initrd" -append "console=ttyS0 panic=-1" \
+            -serial stdio </dev/null 2>/dev/null | tr -d '\0')
+    fi
+    case "$said" in
+        *"vmrig: no root disk"*) echo kvm ;;
+        *) echo tcg,thread=multi ;;
+    esac
+}
+
 # Cache file of the booted guest's memory, for one QEMU build and machine shape.
 vmrig_state_file() {
     echo "$1/state-$( { qemu-system-x86_64 --version; echo "$VMRIG_ACCEL $VMRIG_CPU $VMRIG_CPUS $VMRIG_MEM"; } | sha256sum | cut -c1-12 )"
@@ -75,7 +105,12 @@ vmrig_qemu_args() {
         -fsdev "local,id=in,path=$2,security_model=none,readonly=on" -device virtio-9p-pci,fsdev=in,mount_tag=vmrig-in
         -fsdev "local,id=out,path=$3,security_model=none" -device virtio-9p-pci,fsdev=out,mount_tag=vmrig-out
         -device virtio-serial-pci -device qemu-xhci,p2=8,p3=8)
-    local i
+    local i extra=$VMRIG_EXTRA_DISK
+    if [ -z "$extra" ]; then
+        extra=$4/empty
+        truncate -s "${VMRIG_EXTRA_MB}M" "$extra"
+    fi
+    args+=(-drive "file=$extra,if=none,id=extra,format=raw,readonly=on" -device virtio-blk-pci,drive=extra)
     for i in 0 1 2 3; do
         args+=(-chardev "socket,id=usb$i,path=$4/usb$i,server=on,wait=off" -device "usb-redir,chardev=usb$i")
     done

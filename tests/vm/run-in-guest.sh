@@ -33,10 +33,11 @@ shift $((OPTIND - 1))
 export VMRIG_SUITE
 [ "$mode" != run ] || [ $# -gt 0 ] || { echo "vmrig: no command" >&2; exit 125; }
 img=$("$here/build-image.sh") || exit 125
+vmrig_choose_accel "$img"
 state=$(vmrig_state_file "$img")
 say() { echo "vmrig: $*" >&2; }
 if [ $mode = run ] && [ -z "$cold" ] && [ ! -e "$state" ]; then
-    "$0" -w || say "no snapshot; booting cold"
+    VMRIG_EXTRA_DISK='' "$0" -w || say "no snapshot; booting cold"
 fi
 
 tmp=$(mktemp -d) || exit 125
@@ -83,7 +84,7 @@ if [ -n "$verbose" ]; then tail -s 0.2 -F "$out/console.txt" --pid "$qpid" 2>/de
 go() { printf 'GO %s\n' "$(date +%s.%N)" >&3; }
 [ -z "$warm" ] || go
 
-rc=125
+rc=125 idle=0
 start=$SECONDS
 while :; do
     if [ $((SECONDS - start)) -ge "$limit" ]; then rc=124; say "time limit of $limit s"; break; fi
@@ -110,6 +111,8 @@ while :; do
                 [ "$rc" != 125 ] || { say "guest: ${line#DONE }"; tail -n 5 "$out/console.txt" >&2; }
                 break ;;
         esac
+    elif [ $mode = run ] && [ -e "$out/.rc" ] && ((++idle >= 10)); then # the word got lost, the result did not
+        rc=$(cat "$out/.rc"); break
     elif ! kill -0 "$qpid" 2>/dev/null; then
         say "the guest stopped by itself"; tail -n 20 "$out/console.txt" >&2; break
     fi
