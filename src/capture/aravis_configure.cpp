@@ -1,13 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "aravis_configure.hpp"
 
+#include <arpa/inet.h>
+#include <net/ethernet.h>
+#include <sys/socket.h>
+
 #include <algorithm>
 #include <cmath>
+
+#include "sightline/base/unique_fd.hpp"
 
 namespace sightline {
 namespace {
 
 constexpr double kRateSlack = 1.001;  // cameras round their largest rate
+
+bool is_triggered(const AravisOptions& options) {
+  return !options.trigger.empty() && options.trigger != "free";
+}
 
 bool has(ArvCamera* camera, const char* feature) {
   return ask(false,
@@ -90,7 +100,8 @@ Status set_exposure_and_gain(ArvCamera* camera, const AravisOptions& options,
 }
 
 Status set_rate(ArvCamera* camera, const AravisOptions& options, const std::string& name) {
-  if (options.rate_hz <= 0) return {};
+  // A triggered camera's rate is that of its triggers.
+  if (options.rate_hz <= 0 || is_triggered(options)) return {};
   double low = 0, high = 0;
   SL_RETURN_IF_ERROR(attempt(name, "ask for the frame rate", [&](GError** e) {
     arv_camera_get_frame_rate_bounds(camera, &low, &high, e);
@@ -106,8 +117,20 @@ Status set_rate(ArvCamera* camera, const AravisOptions& options, const std::stri
   });
 }
 
+Status set_action(ArvCamera* camera, const GigeAction& action, const std::string& name) {
+  // One signal is chosen by most cameras; those with several count from 1.
+  ask(0, [&](GError** e) { return arv_camera_set_integer(camera, "ActionSelector", 1, e), 0; });
+  const auto set = [&](const char* feature, uint32_t value) {
+    return attempt(name, fmt::format("set {} to {}", feature, value),
+                   [&](GError** e) { arv_camera_set_integer(camera, feature, int64_t{value}, e); });
+  };
+  SL_RETURN_IF_ERROR(set("ActionDeviceKey", action.device_key));
+  SL_RETURN_IF_ERROR(set("ActionGroupKey", action.group_key));
+  return set("ActionGroupMask", action.group_mask);
+}
+
 Status set_trigger(ArvCamera* camera, const AravisOptions& options, const std::string& name) {
-  if (options.trigger.empty() || options.trigger == "free") {
+  if (!is_triggered(options)) {
     if (!has(camera, "TriggerSelector")) return {};
     return attempt(name, "switch triggers off",
                    [&](GError** e) { arv_camera_clear_triggers(camera, e); });
@@ -123,8 +146,35 @@ Status set_trigger(ArvCamera* camera, const AravisOptions& options, const std::s
     return make_error(ErrorCode::kInvalidInput, name, "no trigger {}; this camera has: {}", source,
                       names.empty() ? "none" : join(names));
   }
-  return attempt(name, "set trigger " + source,
-                 [&](GError** e) { arv_camera_set_trigger(camera, source.c_str(), e); });
+  SL_RETURN_IF_ERROR(attempt(name, "set trigger " + source, [&](GError** e) {
+    arv_camera_set_trigger(camera, source.c_str(), e);
+  }));
+  if (source.starts_with("Action")) SL_RETURN_IF_ERROR(set_action(camera, options.action, name));
+  if (options.trigger_edge != TriggerEdge::kAsIs) {
+    const char* const edge =
+        options.trigger_edge == TriggerEdge::kRising ? "RisingEdge" : "FallingEdge";
+    SL_RETURN_IF_ERROR(attempt(name, fmt::format("trigger at the {}", edge), [&](GError** e) {
+      arv_camera_set_string(camera, "TriggerActivation", edge, e);
+    }));
+  }
+  if (options.trigger_delay_us < 0) return {};
+  return attempt(name, "set the trigger's delay", [&](GError** e) {
+    arv_camera_set_float(camera, "TriggerDelay", options.trigger_delay_us, e);
+  });
+}
+
+// One camera's strobe is the others' trigger.
+Status set_strobe(ArvCamera* camera, const AravisOptions& options, const std::string& name) {
+  if (options.strobe.empty()) return {};
+  const auto set = [&](const char* feature, const char* value) {
+    return attempt(name,
+                   fmt::format("put the strobe on {} ({} = {})", options.strobe, feature, value),
+                   [&](GError** e) { arv_camera_set_string(camera, feature, value, e); });
+  };
+  SL_RETURN_IF_ERROR(set("LineSelector", options.strobe.c_str()));
+  // A line that is an output for good has no mode to set.
+  ask(0, [&](GError** e) { return arv_camera_set_string(camera, "LineMode", "Output", e), 0; });
+  return set("LineSource", "ExposureActive");
 }
 
 Status set_ptp(ArvCamera* camera, const AravisOptions& options, const std::string& name) {
@@ -163,6 +213,11 @@ Status set_transport(ArvCamera* camera, const AravisOptions& options, const std:
   });
 }
 
+// As Aravis tries: where it fails, an ordinary socket is read.
+bool may_open_packet_socket() {
+  return UniqueFd(::socket(PF_PACKET, SOCK_RAW | SOCK_CLOEXEC, htons(ETH_P_ALL))).is_open();
+}
+
 Status read_back(ArvCamera* camera, const std::string& name, AravisSettings& settings) {
   ArvPixelFormat code = 0;
   SL_RETURN_IF_ERROR(attempt(name, "ask for the pixel format",
@@ -190,7 +245,9 @@ Status read_back(ArvCamera* camera, const std::string& name, AravisSettings& set
 }
 
 void read_times(ArvCamera* camera, AravisSettings& settings) {
-  if (!settings.triggered) {
+  if (settings.triggered) {
+    settings.rate_hz = settings.fire_hz;
+  } else {
     settings.rate_hz = ask(0.0, [&](GError** e) { return arv_camera_get_frame_rate(camera, e); });
   }
   settings.exposure_us =
@@ -231,8 +288,19 @@ std::string ptp_state(ArvCamera* camera) {
   return "";
 }
 
+std::optional<int64_t> ptp_offset(ArvCamera* camera) {
+  if (!has(camera, "PtpOffsetFromMaster")) return std::nullopt;
+  if (has(camera, "PtpDataSetLatch")) {
+    ask(0, [&](GError** e) { return arv_camera_execute_command(camera, "PtpDataSetLatch", e), 0; });
+  }
+  ErrorSlot slot;
+  const int64_t offset = arv_camera_get_integer(camera, "PtpOffsetFromMaster", slot.out());
+  if (slot) return std::nullopt;
+  return offset;
+}
+
 Result<AravisSettings> configure_aravis(ArvCamera* camera, const AravisOptions& options,
-                                        const std::string& name) {
+                                        const std::string& name, AravisChunks& chunks) {
   // A client that crashed may have left it running, and then most features are locked.
   const Status stopped =
       attempt(name, "stop the camera", [&](GError** e) { arv_camera_stop_acquisition(camera, e); });
@@ -241,19 +309,19 @@ Result<AravisSettings> configure_aravis(ArvCamera* camera, const AravisOptions& 
   SL_RETURN_IF_ERROR(set_region(camera, options, name));
   SL_RETURN_IF_ERROR(set_exposure_and_gain(camera, options, name));
   SL_RETURN_IF_ERROR(set_trigger(camera, options, name));
+  SL_RETURN_IF_ERROR(set_strobe(camera, options, name));
   SL_RETURN_IF_ERROR(set_rate(camera, options, name));
   SL_RETURN_IF_ERROR(set_ptp(camera, options, name));
   SL_RETURN_IF_ERROR(set_transport(camera, options, name));
-  // Left on by another program, it would put data behind, or in place of, the picture.
-  if (has(camera, "ChunkModeActive")) {
-    ask(0, [&](GError** e) { return arv_camera_set_chunk_mode(camera, FALSE, e), 0; });
-  }
+  chunks = AravisChunks::set_up(camera, options.chunks);
   SL_RETURN_IF_ERROR(attempt(name, "choose continuous acquisition", [&](GError** e) {
     arv_camera_set_acquisition_mode(camera, ARV_ACQUISITION_MODE_CONTINUOUS, e);
   }));
   AravisSettings settings;
-  settings.triggered = !options.trigger.empty() && options.trigger != "free";
+  settings.triggered = is_triggered(options);
+  if (options.trigger == "software") settings.fire_hz = std::max(options.rate_hz, 0.0);
   settings.gige = arv_camera_is_gv_device(camera) != 0;
+  settings.packet_socket = settings.gige && options.packet_socket && may_open_packet_socket();
   if (settings.gige) {
     settings.packet_size = static_cast<int>(
         ask(0u, [&](GError** e) { return arv_camera_gv_get_packet_size(camera, e); }));

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <string>
 
+#include "aravis_chunks.hpp"
 #include "aravis_ref.hpp"
 #include "genicam_formats.hpp"
 #include "sightline/capture/aravis_source.hpp"
@@ -18,18 +20,24 @@ struct AravisSettings {
   double exposure_range_us = 0;  ///< how far automatic exposure may be from exposure_us
   size_t payload = 0;            ///< bytes of a buffer
   bool gige = false;
+  bool packet_socket = false;  ///< Aravis reads from one: packets come in batches
   bool triggered = false;
+  double fire_hz = 0;  ///< rate of the software triggers that the source fires; 0: none
   int packet_size = 0;
 };
 
-/// Stops the camera and sets it up. An error says what the camera would take instead.
+/// Stops the camera and sets it up, chunk data included. An error says what the camera would take
+/// instead.
 Result<AravisSettings> configure_aravis(ArvCamera* camera, const AravisOptions& options,
-                                        const std::string& name);
+                                        const std::string& name, AravisChunks& chunks);
 
 /// Names of the camera's formats that can be used.
 std::vector<std::string> usable_formats(ArvCamera* camera);
 
 /// "Slave", "Master", "Disabled" ..., or empty where the camera has no PTP.
 std::string ptp_state(ArvCamera* camera);
+
+/// Nanoseconds from the master's clock, as the camera says; nullopt where it does not.
+std::optional<int64_t> ptp_offset(ArvCamera* camera);
 
 }  // namespace sightline

@@ -12,6 +12,7 @@
 #include <tuple>
 
 #include "aravis_close.hpp"
+#include "gvcp.hpp"
 #include "sightline/base/time.hpp"
 #include "sightline/base/unique_fd.hpp"
 
@@ -19,6 +20,8 @@ namespace sightline {
 namespace {
 
 constexpr uint16_t kGvcpPort = 3956;
+// Aravis takes 2.75 s to find out that nobody is there.
+constexpr Duration kAnswerWithin = std::chrono::milliseconds(600);
 
 // Aravis keeps one list of devices for the process and no lock on it.
 std::mutex& list_mutex() {
@@ -127,6 +130,14 @@ Result<ObjectRef<ArvCamera>> camera_of(ObjectRef<ArvDevice> device, const std::s
   return camera;
 }
 
+Error absent(const std::string& address, const std::string& own, const std::string& name,
+             const std::string& why) {
+  return make_error(ErrorCode::kUnavailable, name,
+                    "no camera answers at {} (asked from {}): {}. Is it powered, in this subnet, "
+                    "and not behind a firewall?",
+                    address, own, why);
+}
+
 Result<ObjectRef<ArvCamera>> connect_gige(const std::string& address, const std::string& interface,
                                           const std::string& name) {
   const auto own = interface.empty() ? address_towards(address) : address_of_interface(interface);
@@ -138,16 +149,12 @@ Result<ObjectRef<ArvCamera>> connect_gige(const std::string& address, const std:
     return make_error(ErrorCode::kUnavailable, name,
                       "network interface {} is not there or has no IPv4 address", interface);
   }
+  if (!ask_gige(address, *own, kAnswerWithin)) return absent(address, *own, name, "no answer");
   const ObjectRef<GInetAddress> from(g_inet_address_new_from_string(own->c_str()));
   const ObjectRef<GInetAddress> to(g_inet_address_new_from_string(address.c_str()));
   ErrorSlot slot;
   ObjectRef<ArvDevice> device(arv_gv_device_new(from.get(), to.get(), slot.out()));
-  if (!device) {
-    return make_error(ErrorCode::kUnavailable, name,
-                      "no camera answers at {} (asked from {}): {}. Is it powered, in this subnet, "
-                      "and not behind a firewall?",
-                      address, *own, slot.text());
-  }
+  if (!device) return absent(address, *own, name, slot.text());
   if (!arv_gv_device_is_controller(ARV_GV_DEVICE(device.get()))) {
     close_in_background(std::move(device));
     return make_error(ErrorCode::kUnavailable, name,
@@ -168,6 +175,14 @@ Result<ObjectRef<ArvCamera>> connect_usb(const FoundCamera& found, const std::st
 
 bool matches(const FoundCamera& camera, const std::string& id) {
   return id == camera.id || id == camera.serial || id == camera.physical || id == camera.address;
+}
+
+// The name that a user wrote into a camera is not in Aravis' list.
+bool has_user_name(const FoundCamera& camera, const std::string& user_name) {
+  if (!camera.gige) return false;
+  const auto own = address_towards(camera.address);
+  const auto answer = own ? ask_gige(camera.address, *own, kAnswerWithin) : std::nullopt;
+  return answer && answer->user_name == user_name;
 }
 
 }  // namespace
@@ -214,8 +229,14 @@ Result<ObjectRef<ArvCamera>> connect_aravis(const std::string& id, const std::st
     if (matches(camera, wanted.id)) found.push_back(&camera);
   }
   if (found.empty()) {
-    return make_error(ErrorCode::kUnavailable, name, "no camera with id, serial or MAC '{}'; {}{}",
-                      wanted.id, cameras.empty() ? "" : "seen: ", to_string(cameras));
+    for (const FoundCamera& camera : cameras) {
+      if (has_user_name(camera, wanted.id)) found.push_back(&camera);
+    }
+  }
+  if (found.empty()) {
+    return make_error(ErrorCode::kUnavailable, name,
+                      "no camera with id, serial, MAC or user-defined name '{}'; {}{}", wanted.id,
+                      cameras.empty() ? "" : "seen: ", to_string(cameras));
   }
   if (found.size() > 1) {
     return make_error(ErrorCode::kInvalidInput, name,

@@ -9,6 +9,7 @@
 #include "aravis_close.hpp"
 #include "aravis_configure.hpp"
 #include "aravis_discovery.hpp"
+#include "aravis_latch.hpp"
 #include "aravis_times.hpp"
 #include "frame_ids.hpp"
 #include "genicam_picture.hpp"
@@ -20,16 +21,20 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Duration kTurn = 20ms;  // longest wait without a look at the stop token
-constexpr Duration kShortestDeadline = 1s;
+constexpr Duration kShortestDeadline = 800ms;
 constexpr Duration kDeadlineWithoutRate = 3s;
 constexpr int kPeriodsOfDeadline = 5;
 constexpr int kKeptForStream = 2;  // buffers that readers cannot take from the stream
 constexpr Duration kOldestArrival = 2s;
+constexpr Duration kLatchInterval = 1s;
 constexpr Duration kPtpInterval = 2s;
+constexpr int kFirstLatches = 5;
+// The camera is asked only right after it sent a frame: a dead one would keep us for seconds.
+constexpr Duration kAlive = 20ms;
 
 std::optional<Duration> deadline_of(const AravisOptions& options, const AravisSettings& settings) {
   if (options.frame_timeout > Duration{0}) return options.frame_timeout;
-  if (settings.triggered) return std::nullopt;
+  if (settings.triggered && settings.fire_hz <= 0) return std::nullopt;
   if (settings.rate_hz <= 0) return kDeadlineWithoutRate;
   return std::max(kShortestDeadline, from_seconds(kPeriodsOfDeadline / settings.rate_hz));
 }
@@ -47,7 +52,7 @@ void on_control_lost(ArvDevice*, std::atomic<bool>* lost) { lost->store(true); }
 class Source final : public AravisSource {
  public:
   Source(const AravisOptions& options, const AravisSettings& settings, SourceInfo info,
-         std::string device_id, uint32_t epoch, ObjectRef<ArvCamera> camera)
+         std::string device_id, uint32_t epoch, ObjectRef<ArvCamera> camera, AravisChunks chunks)
       : info_(std::move(info)),
         device_id_(std::move(device_id)),
         epoch_(epoch),
@@ -57,7 +62,11 @@ class Source final : public AravisSource {
         buffer_count_(options.buffers),
         times_(options, settings),
         ids_(settings.gige ? FrameIds::Width::k16 : FrameIds::Width::k64),
-        camera_(std::move(camera)) {}
+        chunk_ids_(FrameIds::Width::k64),
+        chunks_(std::move(chunks)),
+        camera_(std::move(camera)) {
+    if (options.latch) latch_ = AravisLatch::find(camera_.get());
+  }
 
   ~Source() override {
     if (stream_ != nullptr && !gone_) {
@@ -77,6 +86,7 @@ class Source final : public AravisSource {
   Result<SourceStep> next(std::stop_token stop, Duration timeout) override;
   AravisStatus status() const override;
   Status trigger() override {
+    ++counts_.triggers;
     return attempt(info_.name, "fire the software trigger",
                    [&](GError** e) { arv_camera_software_trigger(camera_.get(), e); });
   }
@@ -89,7 +99,10 @@ class Source final : public AravisSource {
   FramePtr make_frame(const FrameInfo& info, ArvBuffer* buffer, std::span<const uint8_t> bytes);
   bool picture_fits(ArvBuffer* buffer, std::span<const uint8_t>& bytes);
   Error silence() const;
-  std::string ptp() const;
+  FrameIds::Step number(ArvBuffer* buffer, const AravisChunks::Values& chunk);
+  Status fire_when_due(Time now);
+  void ask_camera(Time now);
+  void read_latch();
 
   const SourceInfo info_;
   const std::string device_id_;
@@ -99,7 +112,9 @@ class Source final : public AravisSource {
   const std::optional<Duration> deadline_;
   const int buffer_count_;
   AravisTimes times_;
-  FrameIds ids_;
+  FrameIds ids_, chunk_ids_;
+  const AravisChunks chunks_;
+  std::optional<AravisLatch> latch_;
   std::optional<GenicamPicture> picture_;
   std::atomic<bool> control_lost_{false};
   bool gone_ = false;
@@ -108,8 +123,7 @@ class Source final : public AravisSource {
   uint64_t unusable_before_ = 0;
   AravisStatus counts_;
   gulong lost_handler_ = 0;
-  mutable Time ptp_asked_{};
-  mutable std::string ptp_state_;
+  Time next_fire_{}, next_latch_{}, next_ptp_{};
   ObjectRef<ArvCamera> camera_;
   ObjectRef<ArvStream> stream_;
   std::shared_ptr<AravisBuffers> buffers_;
@@ -124,6 +138,15 @@ void Source::set_stream_options(const AravisOptions& options) {
   // With "auto", the size is the largest that may be taken; 0 is no limit.
   g_object_set(stream_.get(), "socket-buffer", buffer, "socket-buffer-size", options.socket_buffer,
                "packet-resend", resend, nullptr);
+  if (options.resend_ratio >= 0) {
+    g_object_set(stream_.get(), "packet-request-ratio", options.resend_ratio, nullptr);
+  }
+  if (options.packet_timeout_us > 0) {
+    g_object_set(stream_.get(), "packet-timeout", options.packet_timeout_us, nullptr);
+  }
+  if (options.frame_retention_us > 0) {
+    g_object_set(stream_.get(), "frame-retention", options.frame_retention_us, nullptr);
+  }
 }
 
 Status Source::create_stream() {
@@ -147,6 +170,7 @@ Status Source::start(const AravisOptions& options) {
   for (int i = 0; i < buffer_count_; ++i) {
     buffers_->give_back(arv_buffer_new_allocate(settings_.payload));
   }
+  for (int i = 0; i < kFirstLatches; ++i) read_latch();
   SL_RETURN_IF_ERROR(attempt(info_.name, "start the camera",
                              [&](GError** e) { arv_camera_start_acquisition(camera_.get(), e); }));
   last_frame_ = MonotonicClock::now();
@@ -155,6 +179,7 @@ Status Source::start(const AravisOptions& options) {
 
 Result<SourceStep> Source::next(std::stop_token stop, Duration timeout) {
   const Time until = MonotonicClock::now() + timeout;
+  ask_camera(until - timeout);
   for (;;) {
     const Time now = MonotonicClock::now();
     if (control_lost_.load()) {
@@ -162,7 +187,9 @@ Result<SourceStep> Source::next(std::stop_token stop, Duration timeout) {
       return make_error(ErrorCode::kUnavailable, info_.name,
                         "control of the camera is lost: unplugged, restarted, or taken over");
     }
-    const Duration wait = std::clamp<Duration>(until - now, 0ns, kTurn);
+    if (settings_.fire_hz > 0) SL_RETURN_IF_ERROR(fire_when_due(now));
+    const Time turn = settings_.fire_hz > 0 ? std::min(until, next_fire_) : until;
+    const Duration wait = std::clamp<Duration>(turn - now, 0ns, kTurn);
     ArvBuffer* const buffer =
         wait > 0ns ? arv_stream_timeout_pop_buffer(stream_.get(), static_cast<guint64>(wait / 1us))
                    : arv_stream_try_pop_buffer(stream_.get());
@@ -234,16 +261,17 @@ FramePtr Source::take(ArvBuffer* buffer) {
   FrameInfo info;
   info.camera = info_.camera;
   info.epoch = epoch_;
-  const FrameIds::Step step = ids_.step(arv_buffer_get_frame_id(buffer));
+  const AravisChunks::Values chunk = chunks_.read(buffer);
+  const FrameIds::Step step = number(buffer, chunk);
   info.sequence = step.sequence;
   // The numbers' gap holds the frames thrown away here; a camera that does not count has only
   // these.
   const uint64_t thrown =
       counts_.incomplete + counts_.unusable - incomplete_before_ - unusable_before_;
   info.dropped_before = std::max(step.missing, static_cast<uint32_t>(thrown));
-  times_.stamp(
-      {static_cast<int64_t>(arv_buffer_get_timestamp(buffer)), first_packet_time(buffer, now), now},
-      info);
+  times_.stamp({static_cast<int64_t>(arv_buffer_get_timestamp(buffer)),
+                first_packet_time(buffer, now), now, chunk.exposure_us},
+               info);
   counts_.lost += info.dropped_before;
   ++counts_.delivered;
   incomplete_before_ = counts_.incomplete;
@@ -263,14 +291,39 @@ FramePtr Source::make_frame(const FrameInfo& info, ArvBuffer* buffer,
   return frame;
 }
 
-// Asks the camera, which takes a moment: not more often than now and then, and not a silent one.
-std::string Source::ptp() const {
-  const Time now = MonotonicClock::now();
-  if (ptp_ && !gone_ && now >= ptp_asked_ + kPtpInterval && now - last_frame_ < kTurn * 5) {
-    ptp_asked_ = now;
-    ptp_state_ = ptp_state(camera_.get());
+// The camera's own number where it comes with the picture: it counts what the camera dropped
+// itself, too, and does not wrap at 16 bits.
+FrameIds::Step Source::number(ArvBuffer* buffer, const AravisChunks::Values& chunk) {
+  return chunk.frame_id ? chunk_ids_.step(*chunk.frame_id)
+                        : ids_.step(arv_buffer_get_frame_id(buffer));
+}
+
+Status Source::fire_when_due(Time now) {
+  if (now < next_fire_) return {};
+  const Duration period = from_seconds(1 / settings_.fire_hz);
+  next_fire_ = now - next_fire_ < period ? next_fire_ + period : now + period;
+  const Status fired = trigger();
+  if (!fired && fired.error().code == ErrorCode::kTimeout) gone_ = true;
+  return fired;
+}
+
+// Asks the camera what it takes a moment to answer.
+void Source::ask_camera(Time now) {
+  if (gone_ || control_lost_.load() || now - last_frame_ > kAlive || counts_.delivered == 0) return;
+  if (latch_ && now >= next_latch_) {
+    next_latch_ = now + kLatchInterval;
+    read_latch();
   }
-  return ptp_state_;
+  if (ptp_ && now >= next_ptp_) {
+    next_ptp_ = now + kPtpInterval;
+    counts_.ptp = ptp_state(camera_.get());
+    counts_.ptp_offset_ns = ptp_offset(camera_.get());
+  }
+}
+
+void Source::read_latch() {
+  if (!latch_) return;
+  if (const auto latch = latch_->take(camera_.get())) times_.add(*latch);
 }
 
 AravisStatus Source::status() const {
@@ -283,16 +336,28 @@ AravisStatus Source::status() const {
     arv_gv_stream_get_statistics(ARV_GV_STREAM(stream_.get()), &resent, &missing);
     status.resent_packets = resent;
     status.missing_packets = missing;
+    const auto info = [&](const char* name) {
+      return arv_stream_get_info_uint64_by_name(stream_.get(), name);
+    };
+    status.aborted = info("n_timeouts");
+    status.resend_requests = info("n_resend_requests");
+    status.resend_refused = info("n_resend_disabled");
+    status.resend_limited = info("n_resend_ratio_reached");
+    status.error_packets = info("n_error_packets");
+    status.duplicate_packets = info("n_duplicated_packets");
+    status.ignored_packets = info("n_ignored_packets");
+    status.size_errors = info("n_size_mismatch_errors");
   }
   const ClockMap& clock = times_.clock();
   status.stamps_rejected = clock.rejected();
   status.clock_resets = clock.resets();
-  status.clock_drift = clock.drift();
-  status.clock_bound = clock.bound();
+  status.clock_drift = times_.drift();
+  status.clock_bound = times_.bound();
+  status.latched = times_.latched();
+  status.chunks = chunks_.active();
   status.device_id = device_id_;
   status.pixel_format = settings_.format->name;
   status.packet_size = settings_.packet_size;
-  status.ptp = ptp();
   return status;
 }
 
@@ -329,7 +394,8 @@ Result<std::unique_ptr<AravisSource>> open_aravis_source(const AravisOptions& op
                                                          uint32_t epoch) {
   SL_RETURN_IF_ERROR(check(options, name));
   SL_ASSIGN(ObjectRef<ArvCamera> device, connect_aravis(options.id, name));
-  const auto settings = configure_aravis(device.get(), options, name);
+  AravisChunks chunks;
+  const auto settings = configure_aravis(device.get(), options, name, chunks);
   if (!settings) {
     if (settings.error().code == ErrorCode::kTimeout) {
       close_in_background(nullptr, std::move(device));
@@ -341,8 +407,8 @@ Result<std::unique_ptr<AravisSource>> open_aravis_source(const AravisOptions& op
   log::info("{}: {}, {} {}x{}, {:.4g} Hz{}", name, device_id, settings->format->name,
             settings->width, settings->height, settings->rate_hz,
             settings->gige ? fmt::format(", packets of {} bytes", settings->packet_size) : "");
-  auto source =
-      std::make_unique<Source>(options, *settings, info, device_id, epoch, std::move(device));
+  auto source = std::make_unique<Source>(options, *settings, info, device_id, epoch,
+                                         std::move(device), std::move(chunks));
   SL_RETURN_IF_ERROR(source->start(options));
   return std::unique_ptr<AravisSource>(std::move(source));
 }

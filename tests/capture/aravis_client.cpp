@@ -11,9 +11,11 @@
 #include <cstdio>
 #include <cstdlib>
 #include <deque>
+#include <optional>
 #include <string>
 #include <string_view>
 
+#include "pattern_check.hpp"
 #include "sightline/capture/aravis_source.hpp"
 
 namespace {
@@ -36,8 +38,9 @@ bool told_to_end(Duration wait) {
 
 struct Settings {
   AravisOptions aravis;
-  int hold = 0;       // frames kept in hand
-  bool fire = false;  // a software trigger for every frame
+  int hold = 0;        // frames kept in hand
+  bool fire = false;   // a software trigger for every frame
+  bool check = false;  // pictures against gige_simulator's pattern
 };
 
 bool set(Settings& settings, std::string_view key, const std::string& value) {
@@ -65,6 +68,36 @@ bool set(Settings& settings, std::string_view key, const std::string& value) {
     o.buffers = number;
   else if (key == "ptp")
     o.ptp = number != 0;
+  else if (key == "gain")
+    o.gain = std::atof(value.c_str());
+  else if (key == "edge")
+    o.trigger_edge = value == "falling" ? TriggerEdge::kFalling : TriggerEdge::kRising;
+  else if (key == "delay")
+    o.trigger_delay_us = std::atof(value.c_str());
+  else if (key == "strobe")
+    o.strobe = value;
+  else if (key == "group")
+    o.action.group_key = static_cast<uint32_t>(number);
+  else if (key == "latch")
+    o.latch = number != 0;
+  else if (key == "chunks")
+    o.chunks = number != 0;
+  else if (key == "stamp")
+    o.stamp = value == "end" ? ExposureStamp::kEnd : ExposureStamp::kStart;
+  else if (key == "resend")
+    o.resend = number != 0;
+  else if (key == "resend_ratio")
+    o.resend_ratio = std::atof(value.c_str());
+  else if (key == "packet_timeout")
+    o.packet_timeout_us = number;
+  else if (key == "retention")
+    o.frame_retention_us = number;
+  else if (key == "socket_buffer")
+    o.socket_buffer = number;
+  else if (key == "packet_delay")
+    o.packet_delay_ns = number;
+  else if (key == "check")
+    settings.check = number != 0;
   else if (key == "hold")
     settings.hold = number;
   else if (key == "fire")
@@ -76,15 +109,26 @@ bool set(Settings& settings, std::string_view key, const std::string& value) {
 
 void say_status(const AravisStatus& s) {
   say("status delivered={} lost={} incomplete={} unusable={} copied={} underruns={} "
-      "stamps_rejected={} clock_resets={} drift={} bound_ns={} id={} format={}",
+      "stamps_rejected={} clock_resets={} drift={} bound_ns={} id={} format={} resent={} "
+      "missing={} "
+      "requests={} refused={} limited={} duplicates={} aborted={} triggers={} packet_size={} "
+      "ptp={} "
+      "ptp_offset={} latched={:d} chunks={:d}",
       s.delivered, s.lost, s.incomplete, s.unusable, s.copied, s.underruns, s.stamps_rejected,
-      s.clock_resets, s.clock_drift, s.clock_bound.count(), s.device_id, s.pixel_format);
+      s.clock_resets, s.clock_drift, s.clock_bound.count(), s.device_id, s.pixel_format,
+      s.resent_packets, s.missing_packets, s.resend_requests, s.resend_refused, s.resend_limited,
+      s.duplicate_packets, s.aborted, s.triggers, s.packet_size, s.ptp,
+      s.ptp_offset_ns ? fmt::to_string(*s.ptp_offset_ns) : "", s.latched, s.chunks);
 }
 
 // Until the camera is lost or we are told to end (true).
 bool read(AravisSource& source, const Settings& settings) {
   std::deque<FramePtr> held;
   uint64_t frames = 0;
+  std::optional<PatternCheck> check;
+  if (settings.check) {
+    check.emplace(source.status().pixel_format, source.info().width, source.info().height);
+  }
   for (;;) {
     if (told_to_end(0ms)) {
       say_status(source.status());
@@ -106,11 +150,12 @@ bool read(AravisSource& source, const Settings& settings) {
     const Time truth = info.arrival - Duration(utc_ns_of(info.arrival) - info.device_time_ns);
     const I420View picture = frame.i420();
     say("frame n={} epoch={} sequence={} dropped={} width={} height={} payload={} luma={} "
-        "error_ns={} bound_ns={} age_ns={}",
+        "error_ns={} bound_ns={} age_ns={} device_ns={} capture_ns={} pattern={}",
         frames++, info.epoch, info.sequence, info.dropped_before, info.width, info.height,
         frame.payload().bytes.size(), picture.y.row(info.height / 2)[info.width / 2],
         (info.capture - truth).count(), info.capture_error.count(),
-        (info.arrival - info.capture).count());
+        (info.arrival - info.capture).count(), info.device_time_ns, to_ns(info.capture),
+        check ? check->find(frame) : -1);
     held.push_back(step->frame);
     while (held.size() > static_cast<size_t>(settings.hold)) held.pop_front();
   }

@@ -76,11 +76,46 @@ TEST(AravisTimes, AutomaticExposureWidensTheBound) {
   EXPECT_EQ(run({}, automatic, 0ms).info.capture_error, fixed + 20ms);
 }
 
+TEST(AravisTimes, LatchesNeedNoMeasuredWay) {
+  AravisTimes times({}, settings());
+  const Time zero = time_from_ns(5'000'000'000);
+  for (int second = 0; second < 5; ++second) {
+    const Time at = zero + 1s * second;
+    times.add({kDeviceStart + (at - zero).count(), at - 100us, at + 150us});
+  }
+  for (int i = 0; i < 50; ++i) {
+    const Time start = zero + 5s + kPeriod * i;
+    FrameInfo info;
+    FrameStamps stamps{kDeviceStart + (start - zero).count(), start + kExposure + kReadout,
+                       start + kExposure + kReadout + 4ms, 5000.0};
+    times.stamp(stamps, info);
+    EXPECT_TRUE(times.latched());
+    // The exposure that came with the picture, not the one that was set.
+    EXPECT_LE(std::chrono::abs(info.capture - (start + 2500us)), info.capture_error);
+    EXPECT_LT(info.capture_error, 500us);
+  }
+}
+
+TEST(AravisTimes, LatchesOfAClockThatWasSetAreNotBelieved) {
+  AravisTimes times({}, settings());
+  const Time zero = time_from_ns(5'000'000'000);
+  times.add({kDeviceStart, zero - 100us, zero + 100us});
+  FrameInfo info;
+  const Time start = zero + 100ms;
+  times.stamp({kDeviceStart - 50'000'000'000 + 60'000'000'000'000,
+               start + kExposure,
+               start + kExposure + 4ms,
+               {}},
+              info);
+  EXPECT_FALSE(times.latched());
+  EXPECT_LE(std::chrono::abs(info.capture - (start + kExposure / 2)), info.capture_error);
+}
+
 TEST(AravisTimes, WithoutAUsableStampTheArrivalCounts) {
   AravisTimes times({}, settings());
   FrameInfo info;
   const Time packet = time_from_ns(5'000'000'000);
-  times.stamp({0, packet, packet + 4ms}, info);
+  times.stamp({0, packet, packet + 4ms, {}}, info);
   EXPECT_EQ(info.device_clock, ClockLabel::kNone);
   EXPECT_EQ(info.capture, packet - kExposure / 2);
   EXPECT_GE(info.capture_error, kPeriod);
@@ -93,7 +128,7 @@ TEST(AravisTimes, NeverAfterTheArrival) {
   AravisTimes times(options, settings());
   FrameInfo info;
   const Time packet = time_from_ns(5'000'000'000);
-  times.stamp({kDeviceStart, packet, packet + 1ms}, info);
+  times.stamp({kDeviceStart, packet, packet + 1ms, {}}, info);
   EXPECT_EQ(info.capture, info.arrival);
 }
 
