@@ -15,8 +15,6 @@ namespace {
 
 constexpr Duration kTurn = 200ms;     // longest wait of a thread without a look at its stop token
 constexpr Duration kStallLimit = 5s;  // a thread silent for longer is hung
-constexpr Duration kFirstBackoff = 250ms;  // reopening a source
-constexpr Duration kLongestBackoff = 5s;
 constexpr Duration kNoSignalPeriod = 500ms;  // between pictures while there is no signal
 
 void sleep_unless_stopped(std::stop_token stop, Duration duration) {
@@ -26,15 +24,14 @@ void sleep_unless_stopped(std::stop_token stop, Duration duration) {
   never.wait_for(lock, stop, duration, [] { return false; });
 }
 
-// Waiting for a camera is progress: the longest back-off is as long as a thread may be silent.
-void wait_to_reopen(std::stop_token stop, Heartbeat& heartbeat, Duration& backoff) {
-  const Time end = MonotonicClock::now() + backoff;
+// Waiting for a camera is progress.
+void wait_to_reopen(std::stop_token stop, Heartbeat& heartbeat, Backoff& backoff) {
+  const Time end = MonotonicClock::now() + backoff.next();
   for (Time now = MonotonicClock::now(); now < end && !stop.stop_requested();
        now = MonotonicClock::now()) {
     heartbeat.beat();
     sleep_unless_stopped(stop, std::min<Duration>(end - now, kTurn));
   }
-  backoff = std::min(backoff * 2, kLongestBackoff);
 }
 
 Labels camera_labels(const std::string& name) { return {{"camera", name}}; }
@@ -158,7 +155,7 @@ void CameraUnit::note_signal() {
 }
 
 std::unique_ptr<FrameSource> CameraUnit::open_or_wait(std::stop_token stop, Heartbeat& heartbeat,
-                                                      Duration& backoff) {
+                                                      Backoff& backoff) {
   auto opened = parts_.open_source();
   if (opened) {
     reopened_.add();
@@ -206,7 +203,7 @@ void CameraUnit::lose_source(std::unique_ptr<FrameSource>& source, const Error& 
 void CameraUnit::capture(std::stop_token stop, Heartbeat& heartbeat) {
   // Opening a device may take longer than a turn; the limit of the heartbeat covers it.
   std::unique_ptr<FrameSource> source;
-  Duration backoff = kFirstBackoff;
+  Backoff backoff(parts_.name);
   while (!stop.stop_requested()) {
     heartbeat.beat();
     if (!source) {
@@ -226,7 +223,7 @@ void CameraUnit::capture(std::stop_token stop, Heartbeat& heartbeat) {
       return;
     }
     if (step->kind == SourceStep::Kind::kFrame) {
-      backoff = kFirstBackoff;
+      backoff.reset();
       deliver(step->frame);
     }
   }

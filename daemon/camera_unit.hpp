@@ -8,6 +8,7 @@
 #include <string>
 #include <thread>
 
+#include "backoff.hpp"
 #include "fusion_unit.hpp"
 #include "heartbeat.hpp"
 #include "sightline/base/counters.hpp"
@@ -83,7 +84,7 @@ class CameraUnit {
   void draw_one(const FramePtr& frame, CameraRenderer& renderer);
   void draw_no_signal(Time since);
   std::unique_ptr<FrameSource> open_or_wait(std::stop_token stop, Heartbeat& heartbeat,
-                                            Duration& backoff);
+                                            Backoff& backoff);
   /// One turn with an open source; an Error if it is of no use any more.
   Result<SourceStep> take(FrameSource& source, std::stop_token stop);
   void lose_source(std::unique_ptr<FrameSource>& source, const Error& error);

@@ -66,6 +66,7 @@ Result<std::unique_ptr<Daemon>> Daemon::start(Installation installation,
   SL_RETURN_IF_ERROR(daemon->start_servers(now));
   SL_RETURN_IF_ERROR(daemon->start_pipeline(now, *daemon->rig_, std::move(parts)));
   SL_RETURN_IF_ERROR(daemon->start_views(now, *daemon->rig_, std::move(views)));
+  daemon->actions_ = ActionUnit::start(now.action, daemon->registry_, daemon->beats_);
   return daemon;
 }
 
@@ -79,7 +80,9 @@ Result<CameraParts> Daemon::prepare(const Installation& installation, const Rig&
   parts.width = config.calibration.model.width();
   parts.height = config.calibration.model.height();
   parts.rate_hz = config.rate_hz;
-  parts.reopen_when_stalled = config.source != SourceKind::kReplay;
+  // An Aravis source has a deadline of its own, or none where triggers may pause.
+  parts.reopen_when_stalled =
+      config.source != SourceKind::kReplay && config.source != SourceKind::kAravis;
   if (observes(config.role)) {
     SL_ASSIGN(parts.observer, make_observer(installation, rig, id));
   }
@@ -277,6 +280,7 @@ void Daemon::stop_cameras() {
 
 Status Daemon::stop() {
   stop_views();
+  actions_.reset();
   stop_cameras();
   if (fusion_) fusion_->stop();
   http_.reset();
@@ -298,6 +302,10 @@ Status Daemon::reload(Installation next) {
                           (recorder_ && cameras_differ(changes));
   SL_RETURN_IF_ERROR(everything ? restart_all(std::move(next))
                                 : restart_some(std::move(next), changes));
+  if (changes.action) {
+    actions_.reset();
+    actions_ = ActionUnit::start(installation_.action, registry_, beats_);
+  }
   log::set_level(installation_.daemon.log_level);
   log::info("reload: {}", summary);
   return {};

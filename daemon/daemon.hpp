@@ -8,6 +8,7 @@
 #include <thread>
 #include <vector>
 
+#include "action_unit.hpp"
 #include "camera_unit.hpp"
 #include "fusion_unit.hpp"
 #include "heartbeat.hpp"
@@ -105,6 +106,7 @@ class Daemon {
   std::map<std::string, std::unique_ptr<CameraUnit>> cameras_;  // by name
   std::vector<std::unique_ptr<ViewUnit>> views_;
   std::unique_ptr<HttpServer> http_;
+  std::unique_ptr<ActionUnit> actions_;  // null: none are sent
 };
 
 }  // namespace sightline

@@ -11,17 +11,24 @@ using namespace std::chrono_literals;
 
 namespace {
 constexpr Duration kShortest = 1s;
+constexpr Duration kShortestLoss = 800ms;
 constexpr int kPeriods = 5;
 constexpr int kFirstFrame = 5;  // as many deadlines
 }  // namespace
 
 SignalWatch::SignalWatch(int width, int height, Time start)
-    : width_(width), height_(height), deadline_(kShortest), last_time_(start), opened_(start) {}
+    : width_(width),
+      height_(height),
+      lost_after_(kShortestLoss),
+      deadline_(kShortest),
+      last_time_(start),
+      opened_(start) {}
 
 void SignalWatch::set_rate(double rate_hz) {
   std::lock_guard lock(mutex_);
-  deadline_ = rate_hz > 0 ? std::max<Duration>(kShortest, from_seconds(kPeriods / rate_hz))
-                          : Duration(kShortest);
+  const Duration periods = rate_hz > 0 ? from_seconds(kPeriods / rate_hz) : Duration(0);
+  lost_after_ = std::max<Duration>(kShortestLoss, periods);
+  deadline_ = std::max<Duration>(kShortest, periods);
 }
 
 void SignalWatch::source_open(Time now) {
@@ -54,7 +61,7 @@ void SignalWatch::source_gone() {
 
 std::optional<Time> SignalWatch::lost_since(Time now) const {
   std::lock_guard lock(mutex_);
-  if (open_ && now - last_time_ <= deadline_) return std::nullopt;
+  if (open_ && now - last_time_ <= lost_after_) return std::nullopt;
   return last_time_;
 }
 

@@ -14,7 +14,7 @@ namespace sightline {
 /// capture thread, read by any.
 class SignalWatch {
  public:
-  /// The signal is lost without a frame for the longer of a second and five periods.
+  /// The signal is lost without a frame for the longer of 0.8 s and five periods.
   SignalWatch(int width, int height, Time start);
 
   void set_rate(double rate_hz);  ///< nominal, of the source; 0: unknown
@@ -27,8 +27,8 @@ class SignalWatch {
 
   /// When the last frame came (or the watch began) if there is no signal now.
   std::optional<Time> lost_since(Time now) const;
-  /// The open source has been silent too long; its first frame may take five times as long, as
-  /// network cameras are still connecting.
+  /// The open source has been silent for the longer of a second and five periods; its first frame
+  /// may take five times as long, as network cameras are still connecting.
   bool stalled(Time now) const;
   Duration deadline() const;
 
@@ -43,7 +43,7 @@ class SignalWatch {
 
   const int width_, height_;
   mutable std::mutex mutex_;
-  Duration deadline_;
+  Duration lost_after_, deadline_;
   bool open_ = true;  // nothing is known yet
   Time last_time_;    // of the last frame, or of the start
   Time opened_;

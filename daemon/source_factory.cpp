@@ -30,6 +30,24 @@ SourceFactory::Opener counted_opener(const Options& chosen, const std::string& n
 
 bool is_mjpeg(const std::string& format) { return format == "MJPEG" || format == "MJPG"; }
 
+// How well a camera's clock is known.
+struct ClockGauges {
+  Gauge *drift, *bound, *ptp_slave, *ptp_offset;
+};
+
+ClockGauges clock_gauges(Registry& registry, const std::string& camera) {
+  const Labels labels{{"camera", camera}};
+  return {
+      &registry.gauge("sightline_clock_drift_ratio",
+                      "Rate of the camera's clock against the host's, minus 1", labels),
+      &registry.gauge("sightline_clock_bound_seconds",
+                      "Bound on the mapping of the camera's clock to the host's", labels),
+      &registry.gauge("sightline_ptp_slave",
+                      "1 while the camera's clock follows a PTP master, else 0", labels),
+      &registry.gauge("sightline_ptp_offset_seconds",
+                      "Of the camera's clock from the PTP master's, as the camera says", labels)};
+}
+
 }  // namespace
 
 SourceFactory::Opener SourceFactory::opener(const CameraConfig& camera, CameraId id, bool payload) {
@@ -71,14 +89,27 @@ SourceFactory::Opener SourceFactory::aravis_opener(const CameraConfig& camera, C
     identity = found;
     ++epoch;
     AravisSource* raw = source.get();
-    const auto read = [raw] {
+    const auto read = [raw, gauges = clock_gauges(registry, name)] {
       const AravisStatus now = raw->status();
+      gauges.drift->set(now.clock_drift);
+      gauges.bound->set(to_seconds(now.clock_bound));
+      gauges.ptp_slave->set(now.ptp == "Slave" ? 1 : 0);
+      gauges.ptp_offset->set(static_cast<double>(now.ptp_offset_ns.value_or(0)) * 1e-9);
       return MeteredSource::Causes{{"lost", now.lost},
                                    {"incomplete", now.incomplete},
                                    {"unusable", now.unusable},
                                    {"copied", now.copied},
+                                   {"timed_out", now.aborted},
                                    {"resent_packets", now.resent_packets},
                                    {"missing_packets", now.missing_packets},
+                                   {"resend_requests", now.resend_requests},
+                                   {"resend_refused", now.resend_refused},
+                                   {"resend_limited", now.resend_limited},
+                                   {"error_packets", now.error_packets},
+                                   {"duplicate_packets", now.duplicate_packets},
+                                   {"ignored_packets", now.ignored_packets},
+                                   {"size_errors", now.size_errors},
+                                   {"triggers", now.triggers},
                                    {"no_buffer", now.underruns},
                                    {"stamp_rejected", now.stamps_rejected},
                                    {"clock_reset", now.clock_resets}};

@@ -117,7 +117,7 @@ Status set_rate(ArvCamera* camera, const AravisOptions& options, const std::stri
   });
 }
 
-Status set_action(ArvCamera* camera, const GigeAction& action, const std::string& name) {
+Status set_action(ArvCamera* camera, const GigeActionKeys& action, const std::string& name) {
   // One signal is chosen by most cameras; those with several count from 1.
   ask(0, [&](GError** e) { return arv_camera_set_integer(camera, "ActionSelector", 1, e), 0; });
   const auto set = [&](const char* feature, uint32_t value) {

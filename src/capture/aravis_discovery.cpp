@@ -7,6 +7,7 @@
 #include <sys/socket.h>
 
 #include <algorithm>
+#include <map>
 #include <mutex>
 #include <optional>
 #include <tuple>
@@ -185,6 +186,53 @@ bool has_user_name(const FoundCamera& camera, const std::string& user_name) {
   return answer && answer->user_name == user_name;
 }
 
+// Where a camera was that is named by something else than its address. It is asked there first: a
+// discovery takes a second, and misses a camera that comes back in the middle of it.
+struct KnownAddress {
+  std::string address;
+  uint32_t misses = 0;
+};
+constexpr uint32_t kMissesPerDiscovery = 4;
+std::mutex known_mutex;
+
+std::map<std::string, KnownAddress>& known_addresses() {
+  static std::map<std::string, KnownAddress> known;
+  return known;
+}
+
+void remember(const std::string& id, const std::string& address) {
+  std::lock_guard lock(known_mutex);
+  known_addresses()[id] = {address, 0};
+}
+
+// nullopt: not known, answered by another camera, or silent so often that it may have moved.
+std::optional<Result<ObjectRef<ArvCamera>>> connect_known(const CameraName& wanted,
+                                                          const std::string& name) {
+  std::string address;
+  uint32_t misses = 0;
+  {
+    std::lock_guard lock(known_mutex);
+    const auto found = known_addresses().find(wanted.id);
+    if (found == known_addresses().end()) return std::nullopt;
+    address = found->second.address;
+    misses = found->second.misses++;
+  }
+  const auto own =
+      wanted.interface.empty() ? address_towards(address) : address_of_interface(wanted.interface);
+  if (!own) return std::nullopt;
+  const auto answer = ask_gige(address, *own, kAnswerWithin);
+  if (!answer) {
+    if (misses % kMissesPerDiscovery == kMissesPerDiscovery - 1) return std::nullopt;
+    return absent(address, *own, name, "no answer");
+  }
+  const std::string id = answer->vendor + "-" + answer->model + "-" + answer->serial;
+  if (wanted.id != answer->serial && wanted.id != answer->user_name && wanted.id != id) {
+    return std::nullopt;
+  }
+  remember(wanted.id, address);
+  return connect_gige(address, wanted.interface, name);
+}
+
 }  // namespace
 
 std::vector<FoundCamera> discover_aravis() {
@@ -223,6 +271,7 @@ Result<ObjectRef<ArvCamera>> connect_aravis(const std::string& id, const std::st
                       "which camera? Write source = \"aravis:ID\"; `sightline cameras` lists them");
   }
   if (is_ipv4(wanted.id)) return connect_gige(wanted.id, wanted.interface, name);
+  if (auto connected = connect_known(wanted, name)) return *std::move(connected);
   const std::vector<FoundCamera> cameras = discover_aravis();
   std::vector<const FoundCamera*> found;
   for (const FoundCamera& camera : cameras) {
@@ -243,6 +292,7 @@ Result<ObjectRef<ArvCamera>> connect_aravis(const std::string& id, const std::st
                       "'{}' names {} cameras; seen: {}. Use the address or the whole id", wanted.id,
                       found.size(), to_string(cameras));
   }
+  if (found.front()->gige) remember(wanted.id, found.front()->address);
   return connect_aravis(*found.front(), wanted.interface, name);
 }
 

@@ -101,9 +101,9 @@ Status fire_gige_action(const GigeAction& action) {
   put_u16(&bytes[2], kAction);
   put_u16(&bytes[4], 12);
   put_u16(&bytes[6], 1);
-  put_u32(&bytes[8], action.device_key);
-  put_u32(&bytes[12], action.group_key);
-  put_u32(&bytes[16], action.group_mask);
+  put_u32(&bytes[8], action.keys.device_key);
+  put_u32(&bytes[12], action.keys.group_key);
+  put_u32(&bytes[16], action.keys.group_mask);
   if (::sendto(socket.get(), bytes.data(), bytes.size(), 0, generic(*to), sizeof *to) < 0) {
     return make_error(ErrorCode::kUnavailable, action.address, "cannot send an action command: {}",
                       std::strerror(errno));

@@ -173,6 +173,7 @@ InstallationChanges compare(const Installation& before, const Installation& afte
   changes.encoder = differ(before.encoder, after.encoder);
   changes.http = differ(before.http, after.http);
   changes.record = differ(before.record, after.record);
+  changes.action = differ(before.action, after.action);
   changes.daemon = differ(before.daemon, after.daemon);
   return changes;
 }
@@ -181,7 +182,7 @@ bool InstallationChanges::none() const {
   return cameras_added.empty() && cameras_removed.empty() && cameras_changed.empty() &&
          cameras_restyled.empty() && objects_added.empty() && objects_removed.empty() &&
          objects_changed.empty() && !views && !camera_ids && !object_ids && !scene && !render &&
-         !observe && !estimator && !rtsp && !encoder && !http && !record && !daemon;
+         !observe && !estimator && !rtsp && !encoder && !http && !record && !action && !daemon;
 }
 
 std::string InstallationChanges::summary() const {
@@ -202,7 +203,7 @@ std::string InstallationChanges::summary() const {
       {views, "views"},     {scene, "scene"},         {render, "overlay backend, font and depth"},
       {observe, "observe"}, {estimator, "estimator"}, {rtsp, "rtsp"},
       {encoder, "encoder"}, {http, "http"},           {record, "record"},
-      {daemon, "daemon"}};
+      {action, "action"},   {daemon, "daemon"}};
   for (const auto& [changed, name] : sections) {
     if (changed) parts.emplace_back(name);
   }

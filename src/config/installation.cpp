@@ -114,6 +114,7 @@ class InstallationReader {
     read_servers();
     section("encoder", result_.encoder);
     read_record();
+    read_action();
     section("daemon", result_.daemon);
     root_.refuse("publish", "publishing poses to other programs comes with a later release");
     root_.finish();
@@ -151,6 +152,7 @@ class InstallationReader {
   void read_view(TomlTable table);
   void read_servers();
   void read_record();
+  void read_action();
 
   config::TomlDocument& document_;
   TomlTable root_;
@@ -406,6 +408,24 @@ void InstallationReader::check_recorded(TomlTable& table, const CameraConfig& ca
                 fmt::format("the recording has no camera \"{}\"{}", camera.recorded_as,
                             config::suggestion(camera.recorded_as, names)),
                 ErrorCode::kNotFound);
+}
+
+void InstallationReader::read_action() {
+  auto table = root_.table("action");
+  if (!table) return;
+  SectionReader reader(*table, path_, files_);
+  config::visit(reader, result_.action);
+  if (result_.action.rate_hz <= 0) {
+    table->require("rate", "how many action commands a second are sent");
+  }
+  const auto& cameras = result_.cameras;
+  const bool wanted = std::any_of(cameras.begin(), cameras.end(), [](const CameraConfig& camera) {
+    return camera.source == SourceKind::kAravis && camera.aravis.trigger.starts_with("Action");
+  });
+  if (!wanted) {
+    table->problem("rate", "no camera waits for action commands: none has trigger = \"Action1\"");
+  }
+  table->finish();
 }
 
 void InstallationReader::read_objects() {

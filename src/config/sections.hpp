@@ -32,6 +32,9 @@ inline constexpr Choices<RtspTransport, 3> kTransports{
 inline constexpr Choices<ExposureStamp, 2> kExposureStamps{
     {{"start", ExposureStamp::kStart}, {"end", ExposureStamp::kEnd}}};
 
+inline constexpr Choices<TriggerEdge, 2> kTriggerEdges{
+    {{"rising", TriggerEdge::kRising}, {"falling", TriggerEdge::kFalling}}};
+
 /// The keys of a [[camera]] whose source is a network address. Its size is the calibration's.
 template <typename Visitor>
 void visit(Visitor& v, NetworkOptions& s) {
@@ -69,11 +72,22 @@ void visit(Visitor& v, AravisOptions& s) {
   v.number("exposure_us", s.exposure_us, 1, 60e6, "a time in microseconds");
   v.number("gain", s.gain, 0, 1000, "a gain in the camera's unit");
   v.text("trigger", s.trigger);
+  v.choice("trigger_edge", s.trigger_edge, kTriggerEdges);
+  v.number("trigger_delay_us", s.trigger_delay_us, 0, 10e6, "a time in microseconds");
+  v.text("strobe", s.strobe);
+  v.integer("action_device_key", s.action.device_key, 0, 0xFFFFFFFF, "a key");
+  v.integer("action_group_key", s.action.group_key, 0, 0xFFFFFFFF, "a key");
+  v.integer("action_group_mask", s.action.group_mask, 1, 0xFFFFFFFF, "a mask");
   v.choice("stamp", s.stamp, kExposureStamps);
   v.number("transit_us", s.transit_us, 0, 1e6, "a time in microseconds");
+  v.flag("latch", s.latch);
+  v.flag("chunks", s.chunks);
   v.integer("packet_size", s.packet_size, 576, 65535, "a whole number of bytes");
   v.integer("packet_delay_ns", s.packet_delay_ns, 0, 1'000'000'000, "a time in nanoseconds");
   v.flag("resend", s.resend);
+  v.number("resend_ratio", s.resend_ratio, 0, 2, "a share of the packets of a frame");
+  v.integer("packet_timeout_us", s.packet_timeout_us, 100, 1'000'000, "a time in microseconds");
+  v.integer("frame_retention_us", s.frame_retention_us, 1000, 10'000'000, "a time in microseconds");
   v.integer("socket_buffer", s.socket_buffer, 1 << 16, 1 << 30, "a whole number of bytes");
   v.flag("packet_socket", s.packet_socket);
   v.flag("ptp", s.ptp);
@@ -157,6 +171,15 @@ void visit(Visitor& v, HttpConfig& s) {
   v.text("address", s.server.address);
   v.integer("port", s.server.port, 1, 65535, "a port number");
   v.flag("allow_remote", s.server.allow_remote);
+}
+
+template <typename Visitor>
+void visit(Visitor& v, ActionConfig& s) {
+  v.number("rate", s.rate_hz, 0.01, 1000, "a rate in Hz");
+  v.text("address", s.command.address);
+  v.integer("device_key", s.command.keys.device_key, 0, 0xFFFFFFFF, "a key");
+  v.integer("group_key", s.command.keys.group_key, 0, 0xFFFFFFFF, "a key");
+  v.integer("group_mask", s.command.keys.group_mask, 1, 0xFFFFFFFF, "a mask");
 }
 
 template <typename Visitor>

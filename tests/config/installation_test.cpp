@@ -50,7 +50,16 @@ source = "aravis:192.168.0.3"
 format = "BayerRG8"
 exposure_us = 5000
 gain = 3
-trigger = "Line1"
+trigger = "Action1"
+trigger_edge = "falling"
+trigger_delay_us = 20
+strobe = "Line2"
+action_group_key = 4294967295
+latch = false
+chunks = false
+resend_ratio = 0.5
+packet_timeout_us = 5000
+frame_retention_us = 50000
 ptp = true
 [[camera]]
 name = "side"
@@ -66,6 +75,10 @@ buffers = 6
 AeEnable = false
 AnalogueGain = 2.5
 AfMode = "continuous"
+[action]
+rate = 20
+address = "192.168.0.255"
+group_key = 4294967295
 )");
   ASSERT_EQ(installation.cameras.size(), 4u);
   const CameraConfig& left = installation.cameras[0];
@@ -84,7 +97,19 @@ AfMode = "continuous"
   EXPECT_EQ(right.aravis.pixel_format, "BayerRG8");
   EXPECT_EQ(right.aravis.height, 480);
   EXPECT_EQ(right.aravis.exposure_us, 5000);
-  EXPECT_EQ(right.aravis.trigger, "Line1");
+  EXPECT_EQ(right.aravis.trigger, "Action1");
+  EXPECT_EQ(right.aravis.trigger_edge, TriggerEdge::kFalling);
+  EXPECT_EQ(right.aravis.trigger_delay_us, 20);
+  EXPECT_EQ(right.aravis.strobe, "Line2");
+  EXPECT_EQ(right.aravis.action.group_key, 0xFFFFFFFFu);
+  EXPECT_FALSE(right.aravis.latch);
+  EXPECT_FALSE(right.aravis.chunks);
+  EXPECT_EQ(right.aravis.resend_ratio, 0.5);
+  EXPECT_EQ(right.aravis.packet_timeout_us, 5000);
+  EXPECT_EQ(right.aravis.frame_retention_us, 50000);
+  EXPECT_EQ(installation.action.rate_hz, 20);
+  EXPECT_EQ(installation.action.command.address, "192.168.0.255");
+  EXPECT_EQ(installation.action.command.keys.group_key, 0xFFFFFFFFu);
   EXPECT_TRUE(right.aravis.ptp);
   const CameraConfig& side = installation.cameras[2];
   EXPECT_EQ(side.source, SourceKind::kNetwork);
@@ -338,6 +363,9 @@ const BadFile kBadFiles[] = {
      "known: debug, info, warning, error"},
     {"search scale", base_with("[observe]\nsearch_scale = 0.3\n"), "8:16",
      "expected one of 1 0.5 0.25, found 0.3"},
+    {"actions without a rate", base_with("[action]\ngroup_key = 2\n"), "7:1", "[action] needs"},
+    {"actions that nobody waits for", base_with("[action]\nrate = 2\n"), "8:8",
+     "no camera waits for action commands"},
     {"later section", base_with("[publish]\nmqtt = true\n"), "7:1", "later release"},
     {"live source",
      "calibration = \"c.toml\"\n[[camera]]\nname = \"left\"\nsource = "

@@ -38,8 +38,8 @@ struct AravisOptions {
   std::string trigger = "free";
   TriggerEdge trigger_edge = TriggerEdge::kAsIs;
   double trigger_delay_us = -1;  ///< from the trigger to the exposure; < 0: not set
-  std::string strobe;  ///< line that is high while the camera exposes, for others' triggers
-  GigeAction action;   ///< with trigger "Action1": the keys that it listens to
+  std::string strobe;     ///< line that is high while the camera exposes, for others' triggers
+  GigeActionKeys action;  ///< with trigger "Action1": the keys that it listens to
   ExposureStamp stamp = ExposureStamp::kStart;
   /// Least time from the stamp to the first packet at the host, where it was measured. < 0: taken
   /// as the exposure time, and the bound of each frame's time covers what that may be wrong by.

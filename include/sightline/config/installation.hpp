@@ -89,6 +89,12 @@ struct HttpConfig {
   HttpOptions server;
 };
 
+/// Action commands of GigE Vision at a rate: the trigger of cameras whose trigger is "Action1".
+struct ActionConfig {
+  double rate_hz = 0;  ///< 0: none
+  GigeAction command;
+};
+
 struct RecordConfig {
   bool enabled = false;
   std::filesystem::path directory;  ///< each run makes a folder of its own in it
@@ -116,6 +122,7 @@ struct Installation {
   EncoderOptions encoder;  ///< bitrate_kbps, keyframe_interval, prefer; the rest is the camera's
   HttpConfig http;
   RecordConfig record;
+  ActionConfig action;
   DaemonConfig daemon;
 };
 
@@ -163,6 +170,7 @@ struct InstallationChanges {
   bool object_ids = false;
   bool scene = false, render = false, observe = false, estimator = false;
   bool rtsp = false, encoder = false, http = false, record = false, daemon = false;
+  bool action = false;
 
   bool none() const;
   /// One line for the log: "camera left changed; overlay of side; rtsp", "nothing".

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <thread>
+
+#include "heartbeat.hpp"
+#include "sightline/base/counters.hpp"
+#include "sightline/config/installation.hpp"
+
+namespace sightline {
+
+/// Sends action commands to GigE Vision cameras at a steady rate, on a thread of its own, so that a
+/// group of cameras exposes together. A network that is away is reported once, and tried for ever.
+class ActionUnit {
+ public:
+  static std::unique_ptr<ActionUnit> start(const ActionConfig& config, Registry& registry,
+                                           HeartbeatBoard& beats);
+  /// Joins the thread.
+  ~ActionUnit() = default;
+
+ private:
+  ActionUnit() = default;
+  std::jthread thread_;
+};
+
+}  // namespace sightline
