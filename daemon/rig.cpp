@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rig.hpp"
 
+#include "sightline/record/still_picture.hpp"
+
 namespace sightline {
 namespace {
 
@@ -13,6 +15,21 @@ Result<TriangleMesh> load_mesh(const std::filesystem::path& path, double meters_
   MeshOptions options;
   options.meters_per_unit = meters_per_unit;
   return read_mesh(path, options);
+}
+
+// The depth image of a camera, which has the camera's size.
+Result<std::vector<float>> load_scene_depth(const CameraConfig& camera) {
+  if (camera.scene_depth.empty()) return std::vector<float>();
+  const double usual = camera.scene_depth.extension() == ".exr" ? 1.0 : 0.001;
+  const double scale = camera.scene_depth_scale > 0 ? camera.scene_depth_scale : usual;
+  SL_ASSIGN(DepthPicture picture, read_depth_picture(camera.scene_depth, scale));
+  const CameraModel& lens = camera.calibration.model;
+  if (picture.width == lens.width() && picture.height == lens.height()) {
+    return std::move(picture.depth);
+  }
+  return make_error(ErrorCode::kInvalidInput, camera.scene_depth.string(),
+                    "is {} x {} pixels, camera {} {} x {}", picture.width, picture.height,
+                    camera.name, lens.width(), lens.height());
 }
 
 }  // namespace
@@ -37,6 +54,10 @@ Result<Rig> load_rig(const Installation& installation) {
   for (const auto& path : installation.scene.meshes) {
     SL_ASSIGN(const TriangleMesh mesh, load_mesh(path, installation.scene.meters_per_unit));
     rig.scene.push_back(make_render_mesh(mesh));
+  }
+  for (const CameraConfig& camera : installation.cameras) {
+    SL_ASSIGN(std::vector<float> depth, load_scene_depth(camera));
+    rig.scene_depth.push_back(std::move(depth));
   }
   return rig;
 }
@@ -72,10 +93,11 @@ Result<std::unique_ptr<CameraRenderer>> make_renderer(const Installation& instal
   const CameraConfig& config = config_of(installation, camera);
   const auto rays = RayTable::build(config.calibration.model);
   std::shared_ptr<const StaticDepth> scene;
-  if (!rig.scene.empty()) {
+  const std::vector<float>& depth = rig.scene_depth.at(camera.index());
+  if (!rig.scene.empty() || !depth.empty()) {
     std::vector<SceneMesh> meshes;
     for (const RenderMesh& mesh : rig.scene) meshes.push_back({&mesh, Rigid3()});
-    scene = StaticDepth::build(rays, config.calibration.world_from_camera, meshes);
+    scene = StaticDepth::build(rays, config.calibration.world_from_camera, meshes, depth);
   }
   std::vector<OverlayObject> objects;
   for (const RigObject& object : rig.objects) {

@@ -29,11 +29,13 @@ struct RigObject {
 struct Rig {
   std::vector<RigObject> objects;  ///< by ObjectId
   std::vector<RenderMesh> scene;
+  /// By CameraId: measured depth of the static scene, row-major [m]; empty: none.
+  std::vector<std::vector<float>> scene_depth;
 
   std::vector<NamedObject> names() const;
 };
 
-/// Reads every mesh that the installation names. Both programs start here.
+/// Reads every mesh and depth image that the installation names. Both programs start here.
 Result<Rig> load_rig(const Installation& installation);
 
 /// The per-camera parts, made from the shared ones.

@@ -257,6 +257,9 @@ void InstallationReader::read_camera(TomlTable table) {
     config::visit(overlay_reader, camera.overlay);
     overlay->finish();
   }
+  reader.file("scene_depth", camera.scene_depth);
+  reader.number("scene_depth_scale", camera.scene_depth_scale, 1e-9, 1000, "metres per unit");
+  if (!camera.scene_depth.empty()) camera.scene_depth_content = files_.content(camera.scene_depth);
   read_source(table, camera);
   check_size(table, camera, calibrated);
   if (calibrated) check_recorded(table, camera);

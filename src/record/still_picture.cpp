@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sightline/record/still_picture.hpp"
 
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
 #include <cstring>
 
 #include "av.hpp"
@@ -24,6 +28,7 @@ AVCodecID codec_of(std::string_view bytes) {
   if (starts("II*\0"sv) || starts("MM\0*"sv)) return AV_CODEC_ID_TIFF;
   if (starts("P5"sv)) return AV_CODEC_ID_PGM;
   if (starts("P6"sv)) return AV_CODEC_ID_PPM;
+  if (starts("v/1\x01"sv)) return AV_CODEC_ID_EXR;
   if (starts("RIFF"sv) && bytes.substr(8, 4) == "WEBP"sv) return AV_CODEC_ID_WEBP;
   return AV_CODEC_ID_NONE;
 }
@@ -60,23 +65,61 @@ Result<av::AvFramePtr> decode(std::string_view bytes, AVCodecContext& decoder,
                     avcodec_get_name(decoder.codec_id), av::error_text(code));
 }
 
-}  // namespace
-
-Result<std::shared_ptr<const Picture>> parse_picture(std::string_view bytes,
-                                                     const std::string& where) {
+Result<av::AvFramePtr> decode_any(std::string_view bytes, const std::string& where,
+                                  std::string_view known) {
   av::quiet();
   const AVCodecID id = codec_of(bytes);
   if (id == AV_CODEC_ID_NONE) {
-    return make_error(ErrorCode::kInvalidInput, where,
-                      "is none of PNG, JPEG, BMP, TIFF, PNM, WebP");
+    return make_error(ErrorCode::kInvalidInput, where, "is none of {}", known);
   }
   SL_ASSIGN(const av::CodecPtr decoder, open_decoder(id, where));
-  SL_ASSIGN(const av::AvFramePtr frame, decode(bytes, *decoder, where));
+  SL_ASSIGN(av::AvFramePtr frame, decode(bytes, *decoder, where));
   if (frame->width < 1 || frame->height < 1 || frame->width > kLongestSide ||
       frame->height > kLongestSide) {
     return make_error(ErrorCode::kInvalidInput, where, "is {} x {} pixels", frame->width,
                       frame->height);
   }
+  return frame;
+}
+
+// Reads the x-th number of a row of a depth image.
+using DepthReader = float (*)(const uint8_t* row, int x);
+
+template <typename Number, bool kBigEndian>
+float read_number(const uint8_t* row, int x) {
+  std::array<uint8_t, sizeof(Number)> bytes;
+  std::memcpy(bytes.data(), row + sizeof(Number) * static_cast<size_t>(x), sizeof(Number));
+  if ((std::endian::native == std::endian::big) != kBigEndian) {
+    std::reverse(bytes.begin(), bytes.end());
+  }
+  return static_cast<float>(std::bit_cast<Number>(bytes));
+}
+
+DepthReader depth_reader(int format) {
+  switch (format) {
+    case AV_PIX_FMT_GRAY16LE:
+      return read_number<uint16_t, false>;
+    case AV_PIX_FMT_GRAY16BE:
+      return read_number<uint16_t, true>;
+    case AV_PIX_FMT_GRAYF32LE:
+    case AV_PIX_FMT_GBRPF32LE:
+    case AV_PIX_FMT_GBRAPF32LE:
+      return read_number<float, false>;
+    case AV_PIX_FMT_GRAYF32BE:
+    case AV_PIX_FMT_GBRPF32BE:
+    case AV_PIX_FMT_GBRAPF32BE:
+      return read_number<float, true>;
+    default:
+      return nullptr;
+  }
+}
+
+}  // namespace
+
+Result<std::shared_ptr<const Picture>> parse_picture(std::string_view bytes,
+                                                     const std::string& where) {
+  SL_ASSIGN(const av::AvFramePtr frame,
+            decode_any(bytes, where, "PNG, JPEG, BMP, TIFF, PNM, WebP"));
   auto picture = std::make_shared<Picture>(frame->width, frame->height);
   SL_RETURN_IF_ERROR(ToPicture().convert(*frame, *picture, where));
   return std::shared_ptr<const Picture>(std::move(picture));
@@ -85,6 +128,39 @@ Result<std::shared_ptr<const Picture>> parse_picture(std::string_view bytes,
 Result<std::shared_ptr<const Picture>> read_picture(const std::filesystem::path& path) {
   SL_ASSIGN(const std::string bytes, read_file(path));
   return parse_picture(bytes, path.string());
+}
+
+Result<DepthPicture> parse_depth_picture(std::string_view bytes, const std::string& where,
+                                         double meters_per_unit) {
+  SL_ASSIGN(const av::AvFramePtr frame,
+            decode_any(bytes, where, "16-bit PNG, 16-bit TIFF, OpenEXR"));
+  const DepthReader read = depth_reader(frame->format);
+  if (read == nullptr) {
+    const char* name = av_get_pix_fmt_name(static_cast<AVPixelFormat>(frame->format));
+    return make_error(ErrorCode::kInvalidInput, where,
+                      "holds {} pixels; a depth image is 16-bit grey or floating point",
+                      name != nullptr ? name : "unknown");
+  }
+  DepthPicture picture{frame->width, frame->height, {}};
+  picture.depth.reserve(static_cast<size_t>(frame->width) * static_cast<size_t>(frame->height));
+  const auto scale = static_cast<float>(meters_per_unit);
+  bool any = false;
+  for (int y = 0; y < frame->height; ++y) {
+    const uint8_t* row = frame->data[0] + ptrdiff_t{y} * frame->linesize[0];
+    for (int x = 0; x < frame->width; ++x) {
+      const float depth = scale * read(row, x);
+      const bool surface = std::isfinite(depth) && depth > 0;
+      any = any || surface;
+      picture.depth.push_back(surface ? depth : 0.0f);
+    }
+  }
+  if (any) return picture;
+  return make_error(ErrorCode::kInvalidInput, where, "holds no depth: every pixel is 0");
+}
+
+Result<DepthPicture> read_depth_picture(const std::filesystem::path& path, double meters_per_unit) {
+  SL_ASSIGN(const std::string bytes, read_file(path));
+  return parse_depth_picture(bytes, path.string(), meters_per_unit);
 }
 
 }  // namespace sightline

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 
 #include "../support/matchers.hpp"
@@ -67,6 +68,57 @@ TEST_F(StillPicture, PortableGreymapIsRead) {
   ASSERT_THAT(read, IsOk());
   EXPECT_EQ((*read)->view().y.row(0)[0], 16);
   EXPECT_EQ((*read)->view().y.row(0)[1], 235);
+}
+
+// TIFF needs no compression, so that it can be made by hand.
+std::string grey_tiff(uint16_t width, uint16_t height, uint16_t bits,
+                      const std::vector<uint16_t>& numbers) {
+  std::string out("II*\0\x08\0\0\0", 8);
+  const auto put = [&out](auto value) {
+    out.append(reinterpret_cast<const char*>(&value), sizeof value);
+  };
+  const uint32_t data = 8 + 2 + 9 * 12 + 4;
+  const std::array<std::array<uint32_t, 2>, 9> entries = {
+      {{256, width},
+       {257, height},
+       {258, bits},
+       {259, 1},
+       {262, 1},
+       {273, data},
+       {277, 1},
+       {278, height},
+       {279, uint32_t{width} * height * bits / 8}}};
+  put(uint16_t{9});
+  for (const auto& [tag, value] : entries) {
+    put(static_cast<uint16_t>(tag));
+    put(uint16_t{4});
+    put(uint32_t{1});
+    put(value);
+  }
+  put(uint32_t{0});
+  for (const uint16_t number : numbers) {
+    if (bits == 16) put(number);
+    if (bits == 8) put(static_cast<uint8_t>(number));
+  }
+  return out;
+}
+
+TEST_F(StillPicture, DepthIsReadWithItsScale) {
+  const auto depth =
+      parse_depth_picture(grey_tiff(2, 2, 16, {0, 1000, 65535, 513}), "d.tif", 0.001);
+  ASSERT_THAT(depth, IsOk());
+  EXPECT_EQ(depth->width, 2);
+  EXPECT_EQ(depth->depth, (std::vector<float>{0, 0.001f * 1000, 0.001f * 65535, 0.001f * 513}));
+}
+
+TEST_F(StillPicture, DepthRefusesByName) {
+  EXPECT_THAT(parse_depth_picture(grey_tiff(2, 1, 8, {1, 2}), "d.tif", 1),
+              FailsWith("d.tif: holds gray"));
+  EXPECT_THAT(parse_depth_picture(grey_tiff(2, 1, 16, {0, 0}), "d.tif", 1), FailsWith("no depth"));
+  EXPECT_THAT(parse_depth_picture("hello", "d.png", 1), FailsWith("d.png: is none of"));
+  ASSERT_THAT(write_png(path("c.png"), ramp(64, 48)->view()), IsOk());
+  EXPECT_THAT(read_depth_picture(path("c.png"), 1), FailsWith("16-bit grey"));
+  EXPECT_THAT(read_depth_picture("/nowhere/d.png", 1), FailsWith("/nowhere/d.png"));
 }
 
 TEST_F(StillPicture, RefusesByName) {

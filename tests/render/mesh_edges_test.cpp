@@ -166,6 +166,24 @@ TEST_F(MeshEdgesTest, LinesHideBehindTheTile) {
   for (const EdgeSegment& s : edges) EXPECT_TRUE(s.visible);
 }
 
+TEST(StaticDepthTest, MeasuredDepthCountsWhereItIsNearer) {
+  const auto rays = RayTable::build(test::camera(test::lens_a()));
+  const auto pixels = static_cast<size_t>(rays->width()) * static_cast<size_t>(rays->height());
+  std::vector<float> measured(pixels, 0);
+  const size_t there = size_t{354} * static_cast<size_t>(rays->width()) + 643;
+  measured[there] = 2.0f;
+  const auto depth = StaticDepth::build(rays, Rigid3(), {}, measured);
+  EXPECT_FALSE(depth->empty());
+  EXPECT_EQ(depth->row(354)[643], 0.5f);
+  EXPECT_EQ(depth->row(354)[644], 0.0f);
+  const RenderMesh wall = make_render_mesh(make_box({6, 4, 0.5f}));
+  const SceneMesh scene{&wall, Rigid3(Eigen::Quaterniond::Identity(), {0, 0, 1.25})};
+  measured[there + 1] = 0.5f;
+  const auto both = StaticDepth::build(rays, Rigid3(), {&scene, 1}, measured);
+  EXPECT_NEAR(both->row(354)[643], 1.0f, 1e-5f);  // the wall, at 1 m
+  EXPECT_EQ(both->row(354)[644], 2.0f);
+}
+
 TEST(StaticDepthTest, HoldsTheNearestStaticSurface) {
   const CameraModel model = test::camera(test::lens_a());
   const auto rays = RayTable::build(model);

@@ -51,7 +51,11 @@ struct CameraConfig {
   CameraRole role = CameraRole::kObserveAndStream;
   CalibratedCamera calibration;  ///< lens, size and place
   OverlayStyle overlay;          ///< [overlay] with this camera's own changes
-  std::string where;             ///< "file:line:column" of its table, for later errors
+  /// Depth image of the static scene as this camera sees it; empty: none.
+  std::filesystem::path scene_depth{};
+  double scene_depth_scale = 0;      ///< [m] per unit of the image; 0: 0.001 (EXR: 1)
+  uint64_t scene_depth_content = 0;  ///< hash of the image
+  std::string where;                 ///< "file:line:column" of its table, for later errors
 };
 
 /// One object; its index in Installation::objects is its ObjectId.

@@ -5,6 +5,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "sightline/base/result.hpp"
 #include "sightline/image/picture.hpp"
@@ -19,5 +20,20 @@ Result<std::shared_ptr<const Picture>> read_picture(const std::filesystem::path&
 /// The same from memory; `where` names the file in errors.
 Result<std::shared_ptr<const Picture>> parse_picture(std::string_view bytes,
                                                      const std::string& where);
+
+/// Depth of the static scene in one camera, as people keep it in a file.
+struct DepthPicture {
+  int width = 0, height = 0;
+  std::vector<float> depth;  ///< row-major, along the camera's axis [m]; 0: no surface
+};
+
+/// Reads 16-bit grey PNG or TIFF, or OpenEXR (grey; of colours, the green plane), `meters_per_unit`
+/// times the number in the file; 0, negative and not finite mean no surface. Refused by name: 8-bit
+/// images, other formats, damaged files, a picture without any surface.
+Result<DepthPicture> read_depth_picture(const std::filesystem::path& path, double meters_per_unit);
+
+/// The same from memory; `where` names the file in errors.
+Result<DepthPicture> parse_depth_picture(std::string_view bytes, const std::string& where,
+                                         double meters_per_unit);
 
 }  // namespace sightline

@@ -22,10 +22,13 @@ struct SceneMesh {
 /// Immutable; any number of threads.
 class StaticDepth {
  public:
-  /// Full-frame raster of all meshes; milliseconds.
+  /// Full-frame raster of all meshes; milliseconds. `depth` adds what was measured: one number a
+  /// pixel of the camera, row-major, along its axis [m], 0 where there is no surface; empty: none.
+  /// The nearest surface counts.
   static std::shared_ptr<const StaticDepth> build(const std::shared_ptr<const RayTable>& rays,
                                                   const Rigid3& world_from_camera,
-                                                  std::span<const SceneMesh> meshes);
+                                                  std::span<const SceneMesh> meshes,
+                                                  std::span<const float> depth = {});
 
   /// True if no pixel shows a static surface: nothing needs comparing.
   bool empty() const { return empty_; }
