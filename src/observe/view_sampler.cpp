@@ -25,7 +25,8 @@ constexpr std::array<std::array<int, 2>, 4> kAlong = {{{1, 0}, {0, 1}, {-1, 0}, 
 constexpr std::array<float, 9> kSmooth = {-21, 14, 39, 54, 59, 54, 39, 14, -21};
 constexpr float kSmoothSum = 231;
 
-int rounded(float value) { return static_cast<int>(std::lround(value)); }
+// Of pixels that lie in or near a picture of a few thousand.
+int rounded(float value) { return static_cast<int>(value + 65536.5f) - 65536; }
 
 }  // namespace
 

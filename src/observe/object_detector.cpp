@@ -1,0 +1,361 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sightline/observe/object_detector.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <optional>
+
+#include "detection_term.hpp"
+#include "joint_search.hpp"
+#include "pose_fit.hpp"
+#include "template_bank.hpp"
+
+namespace sightline {
+namespace {
+
+constexpr Duration kTogether = std::chrono::milliseconds(100);
+constexpr double kMapShrink = 4;        // picture pixels per pixel of the maps
+constexpr double kScaleStep = 1.25;     // between the distances that are tried
+constexpr double kLeastDiameter = 45;   // [px] smaller objects are not looked for
+constexpr double kMostOfPicture = 0.8;  // of its height
+constexpr size_t kVerified = 400, kClimbed = 60;
+constexpr double kScanReach = 7, kFollowReach = 10;  // [half-size px]
+// What clutter gives: share of agreeing lines times unlikeness of the colours.
+constexpr double kClutterEvidence = 0.35;
+constexpr double kLeastCameraEvidence = 0.08;
+constexpr double kTwistPrice = 0.01;  // for each squared sigma of the twist
+constexpr double kTwistLinear = 1.0, kTwistAngular = 3.5;
+
+// The frame of one camera as the detector keeps it.
+struct Seen {
+  FrameInfo info;
+  SmallPicture picture;
+  bool valid = false;
+};
+
+struct Judged {
+  PoseFit fit;
+  double evidence = 0;
+  int cameras = 0;
+};
+
+double camera_evidence(const CameraFit& fit) {
+  return std::max(0.0, fit.share() * fit.inside_outside - kClutterEvidence);
+}
+
+// Where the optical axes of two or more cameras meet best.
+std::optional<Eigen::Vector3d> focus_of(const std::vector<DetectorCamera>& cameras) {
+  if (cameras.size() < 2) return std::nullopt;
+  Eigen::Matrix3d system = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  for (const DetectorCamera& camera : cameras) {
+    const Rigid3& pose = camera.calibration.world_from_camera;
+    const Eigen::Vector3d axis = pose.rotation_matrix().col(2);
+    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - axis * axis.transpose();
+    system += across;
+    right += across * pose.translation;
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> widths(system, Eigen::EigenvaluesOnly);
+  if (widths.eigenvalues()[0] < 0.05) return std::nullopt;  // (nearly) parallel
+  return Eigen::Vector3d(system.ldlt().solve(right));
+}
+
+Status check(const DetectorOptions& o, size_t cameras) {
+  const auto refuse = [](const char* what) {
+    return make_error(ErrorCode::kInvalidInput, "detector", "{}", what);
+  };
+  if (cameras == 0) return refuse("no camera to look through");
+  if (!(o.nearest >= 0) || !(o.farthest >= 0) || (o.farthest > 0 && o.farthest <= o.nearest)) {
+    return refuse("nearest and farthest must be distances in metres, nearest first");
+  }
+  if (!(o.accept > 0) || !(o.margin > 0 && o.margin <= 1)) {
+    return refuse("accept must be positive, margin above 0 and at most 1");
+  }
+  if (o.refined < 1 || o.scan_hits < 10 || !(o.sigma_px > 0) ||
+      !(o.independent > 0 && o.independent <= 1)) {
+    return refuse("refined, scan_hits, sigma_px and independent must be positive");
+  }
+  return {};
+}
+
+}  // namespace
+
+class ObjectDetector::Impl {
+ public:
+  Impl(ObjectId object, std::shared_ptr<const ViewpointModel> views,
+       std::vector<DetectorCamera> cameras, const DetectorOptions& options)
+      : object_(object),
+        options_(options),
+        bank_(std::move(views)),
+        cameras_(std::move(cameras)),
+        seen_(cameras_.size()) {
+    choose_scales();
+  }
+
+  void add_frame(const Frame& frame) {
+    for (size_t i = 0; i < cameras_.size(); ++i) {
+      if (cameras_[i].id == frame.info().camera) remember(frame, i);
+    }
+  }
+
+  Detection detect() {
+    Detection out;
+    if (!look(out.time)) return out;
+    const size_t seed = choose_seed();
+    out.time = seen_[active_[seed]].info.capture;
+    set_times(out.time);
+    const JointSearch search(bank_, search_cameras_);
+    ScanRange range;
+    range.scales = scales_[active_[seed]];
+    range.most = options_.scan_hits;
+    const auto hits = search.scan_camera(seed, range);
+    std::vector<JointPose> poses = search.verify(seed, hits, range, kVerified);
+    drop_alike(poses, 0.08 * bank_.model().radius(), 0.1);
+    for (JointPose& pose : poses) {
+      pose = search.climb(pose, JointSearch::Spread::kFar, 0.15, 0.25 * bank_.model().radius(), 2);
+    }
+    drop_alike(poses, 0.12 * bank_.model().radius(), 0.12);
+    if (poses.size() > kClimbed) poses.resize(kClimbed);
+    for (JointPose& pose : poses) {
+      pose = search.climb(pose, JointSearch::Spread::kNear, 0.08, 0.12 * bank_.model().radius(), 3);
+    }
+    drop_alike(poses, 0.12 * bank_.model().radius(), 0.12);
+    if (poses.size() > static_cast<size_t>(options_.refined)) {
+      poses.resize(static_cast<size_t>(options_.refined));
+    }
+    std::vector<Judged> judged;
+    const PoseFitter fitter(bank_.model(), fit_cameras_);
+    for (const JointPose& pose : poses) {
+      judged.push_back(judge(fitter.fit(pose.world_from_object, Vector6::Zero(), kScanReach)));
+    }
+    decide(judged, out);
+    return out;
+  }
+
+  Detection follow(const Detection& earlier) {
+    Detection out;
+    if (earlier.poses.empty() || !look(out.time)) return out;
+    set_times(out.time);
+    const PoseFitter fitter(bank_.model(), fit_cameras_);
+    std::vector<Judged> judged;
+    for (const DetectedPose& pose : earlier.poses) {
+      const Rigid3 now =
+          pose.world_from_object * Rigid3::exp(pose.twist * to_seconds(out.time - earlier.time));
+      judged.push_back(judge(fitter.fit(now, pose.twist, kFollowReach)));
+    }
+    decide(judged, out);
+    return out;
+  }
+
+ private:
+  void choose_scales() {
+    const auto focus = focus_of(cameras_);
+    const double diameter = 2 * bank_.model().radius();
+    for (const DetectorCamera& camera : cameras_) {
+      const auto& lens = camera.calibration.model.parameters();
+      double farthest = lens.fx * diameter / kLeastDiameter;
+      double nearest = lens.fx * diameter / (kMostOfPicture * lens.height);
+      if (focus) {
+        const double usual = (*focus - camera.calibration.world_from_camera.translation).norm();
+        nearest = std::max(nearest, 0.5 * usual);
+        farthest = std::min(farthest, 1.7 * usual);
+      }
+      if (options_.nearest > 0) nearest = options_.nearest;
+      if (options_.farthest > 0) farthest = options_.farthest;
+      farthest = std::max(farthest, nearest);
+      const double ratio = std::log(farthest / nearest) / std::log(kScaleStep);
+      const int steps = std::clamp(static_cast<int>(std::ceil(ratio)), 1, 12);
+      std::vector<float> scales;
+      for (int i = 0; i < steps; ++i) {
+        const double distance = nearest * std::pow(farthest / nearest, (i + 0.5) / steps);
+        scales.push_back(static_cast<float>(lens.fx / (kMapShrink * distance)));
+      }
+      const double reach = 1.1 * bank_.model().radius() * static_cast<double>(scales.front());
+      margin_ = std::max(margin_, static_cast<int>(std::ceil(reach)) + 2);
+      scales_.push_back(std::move(scales));
+    }
+  }
+
+  void remember(const Frame& frame, size_t index) {
+    const CameraModel& model = cameras_[index].calibration.model;
+    Seen& seen = seen_[index];
+    if (frame.info().status == FrameStatus::kDamaged || frame.info().width != model.width() ||
+        frame.info().height != model.height())
+      return;
+    seen.info = frame.info();
+    const PlaneView luma = frame.half_grey();
+    const I420View full = frame.i420();
+    seen.picture.width = luma.width;
+    seen.picture.height = luma.height;
+    const std::array<PlaneView, 3> planes = {luma, full.u, full.v};
+    for (size_t k = 0; k < 3; ++k) {
+      auto& to = seen.picture.planes[k];
+      to.resize(static_cast<size_t>(luma.width) * static_cast<size_t>(luma.height));
+      for (int y = 0; y < luma.height; ++y) {
+        std::copy_n(planes[k].row(y), luma.width,
+                    to.data() + static_cast<size_t>(y) * static_cast<size_t>(luma.width));
+      }
+    }
+    seen.valid = true;
+  }
+
+  // Edges of all cameras that take part; false without any. `newest`: capture of the newest.
+  bool look(Time& newest) {
+    active_.clear();
+    newest = Time{};
+    for (const Seen& seen : seen_) {
+      if (seen.valid) newest = std::max(newest, seen.info.capture);
+    }
+    for (size_t i = 0; i < seen_.size(); ++i) {
+      if (seen_[i].valid && newest - seen_[i].info.capture <= kTogether) active_.push_back(i);
+    }
+    edges_.resize(active_.size());
+    search_cameras_.resize(active_.size());
+    fit_cameras_.resize(active_.size());
+    for (size_t i = 0; i < active_.size(); ++i) {
+      const CalibratedCamera& camera = cameras_[active_[i]].calibration;
+      const SmallPicture& picture = seen_[active_[i]].picture;
+      edges_[i].compute(picture);
+      SearchCamera& search = search_cameras_[i];
+      search.camera = &camera;
+      search.camera_from_world = camera.world_from_camera.inverse();
+      search.shrink = kMapShrink;
+      for (int spread = 0; spread < SearchCamera::kSpreads; ++spread) {
+        search.maps[static_cast<size_t>(spread)].compute(edges_[i], spread + 1, margin_);
+      }
+      fit_cameras_[i] = {&camera, search.camera_from_world, &picture, &edges_[i], 0};
+    }
+    return !active_.empty();
+  }
+
+  size_t choose_seed() { return next_seed_++ % active_.size(); }
+
+  void set_times(Time reference) {
+    for (size_t i = 0; i < active_.size(); ++i) {
+      fit_cameras_[i].seconds = to_seconds(seen_[active_[i]].info.capture - reference);
+    }
+  }
+
+  Judged judge(PoseFit fit) const {
+    Judged out;
+    for (const CameraFit& camera : fit.cameras) {
+      const double evidence = camera_evidence(camera);
+      out.evidence += evidence;
+      if (evidence >= kLeastCameraEvidence) ++out.cameras;
+    }
+    out.evidence -= kTwistPrice * (fit.twist.head<3>().squaredNorm() / std::pow(kTwistAngular, 2) +
+                                   fit.twist.tail<3>().squaredNorm() / std::pow(kTwistLinear, 2));
+    out.fit = std::move(fit);
+    return out;
+  }
+
+  bool acceptable(const Judged& judged) const {
+    const size_t needed = std::min<size_t>(2, active_.size());
+    return judged.evidence >= options_.accept * static_cast<double>(needed) / 2 &&
+           static_cast<size_t>(judged.cameras) >= needed;
+  }
+
+  // One test for all: enough evidence, and more than any other by the margin, or it is one of
+  // several.
+  void decide(std::vector<Judged>& judged, Detection& out) const {
+    std::stable_sort(judged.begin(), judged.end(),
+                     [](const Judged& a, const Judged& b) { return a.evidence > b.evidence; });
+    std::vector<const Judged*> accepted;
+    for (const Judged& pose : judged) {
+      const bool alike = std::any_of(accepted.begin(), accepted.end(), [&](const Judged* other) {
+        const Rigid3& a = pose.fit.world_from_object;
+        const Rigid3& b = other->fit.world_from_object;
+        return (a * bank_.model().center() - b * bank_.model().center()).norm() <
+                   0.5 * bank_.model().radius() &&
+               rotation_angle(a, b) < 0.5;
+      });
+      if (alike) continue;
+      const bool possible =
+          acceptable(pose) && pose.evidence >= options_.margin * judged.front().evidence;
+      if (possible && accepted.size() < 8) {
+        accepted.push_back(&pose);
+      } else {
+        out.runner_up = std::max(out.runner_up, pose.evidence);
+      }
+    }
+    for (const Judged* pose : accepted) {
+      out.poses.push_back(
+          {pose->fit.world_from_object, pose->fit.twist, pose->evidence, pose->cameras});
+    }
+    if (!accepted.empty()) observe(accepted, out);
+  }
+
+  void observe(const std::vector<const Judged*>& poses, Detection& out) const {
+    for (size_t i = 0; i < active_.size(); ++i) {
+      if (camera_evidence(poses.front()->fit.cameras[i]) < kLeastCameraEvidence) continue;
+      const FrameInfo& info = seen_[active_[i]].info;
+      Observation observation;
+      observation.object = object_;
+      observation.camera = info.camera;
+      observation.epoch = info.epoch;
+      observation.sequence = info.sequence;
+      observation.capture = info.capture;
+      observation.capture_error = info.capture_error;
+      std::vector<FrozenTerm> terms;
+      for (const Judged* pose : poses) {
+        const Rigid3 here = pose->fit.at(fit_cameras_[i].seconds);
+        const LinearizedTerm term = measured(pose->fit.cameras[i]);
+        terms.emplace_back(here, term);
+        observation.hypotheses.push_back({here, term.cost});
+      }
+      observation.terms.push_back(std::make_shared<const DetectionTerm>(std::move(terms)));
+      out.observations.push_back(std::move(observation));
+    }
+    std::stable_sort(
+        out.observations.begin(), out.observations.end(),
+        [](const Observation& a, const Observation& b) { return a.capture < b.capture; });
+  }
+
+  // The lines' information in the noise they have, and as if they were no more than they are
+  // worth. All cameras were fitted together, so none pulls.
+  LinearizedTerm measured(const CameraFit& fit) const {
+    LinearizedTerm out;
+    const double sigma = options_.sigma_px / 2;  // of half-size pixels
+    out.information = fit.term.information * (options_.independent / (sigma * sigma));
+    out.residuals = std::max(6, static_cast<int>(options_.independent * fit.agreeing));
+    out.cost = 0.5 * out.residuals;
+    out.quality = fit.share();
+    return out;
+  }
+
+  const ObjectId object_;
+  const DetectorOptions options_;
+  const TemplateBank bank_;
+  const std::vector<DetectorCamera> cameras_;
+  std::vector<std::vector<float>> scales_;  ///< by camera, [px/m of the maps]
+  int margin_ = 0;
+  std::vector<Seen> seen_;
+  size_t next_seed_ = 0;
+
+  // Of the detection under way, by active camera.
+  std::vector<size_t> active_;
+  std::vector<EdgePicture> edges_;
+  std::vector<SearchCamera> search_cameras_;
+  std::vector<FitCamera> fit_cameras_;
+};
+
+Result<std::unique_ptr<ObjectDetector>> ObjectDetector::create(
+    ObjectId object, std::shared_ptr<const ViewpointModel> views,
+    std::vector<DetectorCamera> cameras, const DetectorOptions& options) {
+  SL_RETURN_IF_ERROR(check(options, cameras.size()));
+  return std::unique_ptr<ObjectDetector>(new ObjectDetector(
+      std::make_unique<Impl>(object, std::move(views), std::move(cameras), options)));
+}
+
+ObjectDetector::ObjectDetector(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+ObjectDetector::~ObjectDetector() = default;
+
+void ObjectDetector::add_frame(const Frame& frame) { impl_->add_frame(frame); }
+Detection ObjectDetector::detect() { return impl_->detect(); }
+Detection ObjectDetector::follow(const Detection& earlier) { return impl_->follow(earlier); }
+
+}  // namespace sightline
