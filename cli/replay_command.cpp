@@ -76,7 +76,9 @@ Json to_json(const ReplaySummary& summary) {
             {"sets", summary.sets},
             {"rows_by_state", summary.rows_by_state},
             {"observe_cpu_ms", summary.observe_cpu_ms},
-            {"fuse_cpu_ms", summary.fuse_cpu_ms}};
+            {"fuse_cpu_ms", summary.fuse_cpu_ms},
+            {"searches", summary.searches},
+            {"search_cpu_ms", summary.search_cpu_ms}};
   if (summary.points) json["stereo_points"] = to_json(*summary.points);
   return json;
 }
@@ -86,6 +88,10 @@ std::string to_text(const ReplaySummary& summary) {
   std::string text = fmt::format(
       "{} frames in {} sets; CPU per frame: observe {:.2f} ms, fuse {:.3f} ms\n", summary.frames,
       summary.sets, summary.observe_cpu_ms / frames, summary.fuse_cpu_ms / frames);
+  if (summary.searches > 0) {
+    text += fmt::format("{} searches for objects, {:.0f} ms of CPU each\n", summary.searches,
+                        summary.search_cpu_ms / static_cast<double>(summary.searches));
+  }
   for (const auto& [object, states] : summary.rows_by_state) {
     text += object + ":";
     for (const auto& [state, rows] : states) text += fmt::format(" {} {}", rows, state);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <ctime>
 
+#include "object_views.hpp"
 #include "sightline/base/log.hpp"
 #include "sightline/image/convert.hpp"
 
@@ -58,6 +59,7 @@ Result<std::unique_ptr<ReplayPipeline>> ReplayPipeline::create(
   for (const auto* folder : {&outputs.video, &outputs.png}) {
     if (!folder->empty()) SL_RETURN_IF_ERROR(make_folder(*folder));
   }
+  SL_ASSIGN(pipeline->search_, ObjectSearch::create(installation, pipeline->rig_, cache_folder()));
   for (const CameraConfig& camera : installation.cameras) {
     pipeline->camera_names_.push_back(camera.name);
   }
@@ -114,9 +116,12 @@ Status ReplayPipeline::step(const std::vector<FramePtr>& frames) {
   const double start = cpu_ms();
   observe(frames);
   const double observed = cpu_ms();
+  if (search_) search(frames);
+  const double searched = cpu_ms();
   SL_RETURN_IF_ERROR(fuse());
   summary_.observe_cpu_ms += observed - start;
-  summary_.fuse_cpu_ms += cpu_ms() - observed;
+  summary_.search_cpu_ms += searched - observed;
+  summary_.fuse_cpu_ms += cpu_ms() - searched;
   summary_.frames += frames.size();
   ++summary_.sets;
   if (collector_) collect_points(frames);
@@ -137,6 +142,29 @@ void ReplayPipeline::observe(const std::vector<FramePtr>& frames) {
           std::any_of(observations_.begin() + static_cast<ptrdiff_t>(first), observations_.end(),
                       [&](const Observation& made) { return made.object == object.named.id; });
       if (!seen) observations_.push_back(unseen(object.named.id, *frame, camera->id));
+    }
+  }
+}
+
+// In the recording's time a search takes no time at all.
+void ReplayPipeline::search(const std::vector<FramePtr>& frames) {
+  for (const FramePtr& frame : frames) {
+    const auto& camera = cameras_[frame->info().camera.index()];
+    if (camera && camera->observer) search_->add_frame(camera->id, *frame);
+  }
+  const Time now = frames.front()->info().capture;
+  if (!search_->due(now, tracks_)) return;
+  ++summary_.searches;
+  for (Observation& found : search_->search(now, tracks_)) {
+    if (found.capture != now) {
+      const size_t object = found.object.index();
+      estimators_[object].process({&found, 1});
+      tracks_[object] = estimators_[object].track();
+      continue;
+    }
+    for (Observation& known : observations_) {
+      const bool same = known.object == found.object && known.camera == found.camera;
+      if (same && known.terms.empty()) known = found;
     }
   }
 }

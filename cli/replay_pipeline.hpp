@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "object_search.hpp"
 #include "point_collector.hpp"
 #include "rig.hpp"
 #include "sightline/fuse/estimator.hpp"
@@ -25,6 +26,8 @@ struct ReplaySummary {
   std::map<std::string, std::map<std::string, size_t>> rows_by_state;  ///< object, state
   double observe_cpu_ms = 0;                                           ///< all frames together
   double fuse_cpu_ms = 0;
+  size_t searches = 0;  ///< times an object was looked for everywhere
+  double search_cpu_ms = 0;
   std::optional<PointSummary> points;  ///< if stereo points were asked for
 };
 
@@ -66,6 +69,7 @@ class ReplayPipeline {
   Status add_camera(const Installation& installation, const RecordedCamera& recorded,
                     const ReplayOutputs& outputs);
   void observe(const std::vector<FramePtr>& frames);
+  void search(const std::vector<FramePtr>& frames);
   Status fuse();
   void collect_points(const std::vector<FramePtr>& frames);
   Status draw(const std::vector<FramePtr>& frames);
@@ -76,6 +80,7 @@ class ReplayPipeline {
   std::vector<std::string> camera_names_;       // by CameraId
   std::vector<ObjectEstimator> estimators_;     // by ObjectId
   std::vector<PoseTrackPtr> tracks_;
+  std::unique_ptr<ObjectSearch> search_;  // null: nothing to search for
   std::vector<Observation> observations_;
   std::vector<Observation> set_;
   std::vector<PoseAt> poses_;

@@ -169,7 +169,7 @@ InstallationChanges compare(const Installation& before, const Installation& afte
   changes.views = !same_views(before.views, after.views);
   changes.scene = !same_scene(before.scene, after.scene);
   changes.render = differ(before.render, after.render);
-  changes.observe = differ(before.observe, after.observe);
+  changes.observe = differ(before.observe, after.observe) || differ(before.detect, after.detect);
   changes.estimator = differ(before.estimator, after.estimator);
   changes.rtsp = differ(before.rtsp, after.rtsp);
   changes.encoder = differ(before.encoder, after.encoder);

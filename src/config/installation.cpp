@@ -110,6 +110,7 @@ class InstallationReader {
     read_scene();
     read_views();
     section("observe", result_.observe);
+    section("detect", result_.detect);
     section("estimator", result_.estimator);
     read_servers();
     section("encoder", result_.encoder);

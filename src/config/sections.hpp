@@ -140,6 +140,15 @@ void visit(Visitor& v, FiducialOptions& s) {
 }
 
 template <typename Visitor>
+void visit(Visitor& v, DetectConfig& s) {
+  v.flag("enabled", s.enabled);
+  v.seconds("interval", s.interval, 0.01, 60);
+  v.number("nearest_m", s.detector.nearest, 0.01, 1000, "a distance in metres");
+  v.number("farthest_m", s.detector.farthest, 0.01, 1000, "a distance in metres");
+  v.number("accept", s.detector.accept, 0.05, 10, "an evidence");
+}
+
+template <typename Visitor>
 void visit(Visitor& v, EstimatorOptions& s) {
   v.number("noise_linear", s.noise.linear, 1e-3, 1000, "an acceleration noise in m/s^2/sqrt(Hz)");
   v.number("noise_angular", s.noise.angular, 1e-3, 1000,

@@ -6,10 +6,11 @@
 namespace sightline::fuse {
 namespace {
 
-bool has_camera(const RingEntry& entry, CameraId camera) {
-  const auto set = entry.set();
-  return std::any_of(set.begin(), set.end(),
-                     [camera](const Observation& o) { return o.camera == camera; });
+Observation* look_of(RingEntry& entry, CameraId camera) {
+  const auto end = entry.slots.begin() + static_cast<ptrdiff_t>(entry.used);
+  const auto found = std::find_if(entry.slots.begin(), end,
+                                  [camera](const Observation& o) { return o.camera == camera; });
+  return found == end ? nullptr : &*found;
 }
 
 // In order of cameras, so that the sum over cameras does not depend on who came first.
@@ -51,13 +52,21 @@ SetRing::Place SetRing::insert(Time time, ObjectId object, std::span<const Obser
   const bool joins = position != entries_.end() && (*position)->time == time;
   if (!joins) entries_.insert(position, fresh_entry(time));
   RingEntry& entry = *entries_[index];
-  const size_t before = entry.used;
+  bool anything_new = !joins;
   for (const Observation& observation : set) {
-    if (observation.object == object && !has_camera(entry, observation.camera)) {
+    if (observation.object != object) continue;
+    Observation* const known = look_of(entry, observation.camera);
+    // A slower look at the same frame may have seen what the first one did not.
+    const bool sees_more = known != nullptr && known->terms.empty() && !observation.terms.empty();
+    if (known != nullptr && !sees_more) continue;
+    if (sees_more) {
+      *known = observation;
+    } else {
       add(observation, entry);
     }
+    anything_new = true;
   }
-  const bool nothing_new = joins && entry.used == before;
+  const bool nothing_new = !anything_new;
   return {nothing_new ? Placement::kDuplicate : Placement::kPlaced, index};
 }
 

@@ -32,7 +32,7 @@ class SetRing {
     size_t index = 0;  ///< of the entry that now holds the set; entries from here on are to replay
   };
   /// Files the observations of `object` in `set` under `time`. Observations of cameras that the
-  /// entry of this time has already are duplicates.
+  /// entry of this time has already are duplicates, unless only the later one saw the object.
   Place insert(Time time, ObjectId object, std::span<const Observation> set);
 
   size_t size() const { return entries_.size(); }

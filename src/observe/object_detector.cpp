@@ -3,6 +3,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -23,7 +24,7 @@ constexpr double kScaleStep = 1.25;     // between the distances that are tried
 constexpr double kLeastDiameter = 45;   // [px] smaller objects are not looked for
 constexpr double kMostOfPicture = 0.8;  // of its height
 constexpr size_t kVerified = 400, kClimbed = 60;
-constexpr double kScanReach = 7, kFollowReach = 10;  // [half-size px]
+constexpr double kScanReach = 7, kFollowReach = 10, kTurnedReach = 5;  // [half-size px]
 // What clutter gives: share of agreeing lines times unlikeness of the colours.
 constexpr double kClutterEvidence = 0.35;
 constexpr double kLeastCameraEvidence = 0.08;
@@ -94,11 +95,12 @@ class ObjectDetector::Impl {
         cameras_(std::move(cameras)),
         seen_(cameras_.size()) {
     choose_scales();
+    find_turns();
   }
 
-  void add_frame(const Frame& frame) {
+  void add_frame(CameraId camera, const Frame& frame) {
     for (size_t i = 0; i < cameras_.size(); ++i) {
-      if (cameras_[i].id == frame.info().camera) remember(frame, i);
+      if (cameras_[i].id == camera) remember(frame, i);
     }
   }
 
@@ -132,6 +134,7 @@ class ObjectDetector::Impl {
     for (const JointPose& pose : poses) {
       judged.push_back(judge(fitter.fit(pose.world_from_object, Vector6::Zero(), kScanReach)));
     }
+    add_turned(fitter, judged);
     decide(judged, out);
     return out;
   }
@@ -177,6 +180,50 @@ class ObjectDetector::Impl {
       const double reach = 1.1 * bank_.model().radius() * static_cast<double>(scales.front());
       margin_ = std::max(margin_, static_cast<int>(std::ceil(reach)) + 2);
       scales_.push_back(std::move(scales));
+    }
+  }
+
+  // Ways to turn the object over that may leave its look as it is: quarter and half turns about
+  // its principal axes.
+  void find_turns() {
+    const ViewpointModel& model = bank_.model();
+    Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+    for (size_t i = 0; i < model.size(); ++i) {
+      for (const ContourSample& sample : model.view(i).contour) {
+        const Eigen::Vector3d from_center = sample.point.cast<double>() - model.center();
+        spread += from_center * from_center.transpose();
+      }
+    }
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> principal(spread);
+    Eigen::Matrix3d axes = principal.eigenvectors();
+    if (axes.determinant() < 0) axes.col(2) *= -1;
+    for (int first = 0; first < 6; ++first) {
+      for (int second = 0; second < 6; ++second) {
+        if (first / 2 == second / 2) continue;
+        Eigen::Matrix3d turn;
+        turn.col(0) = (first % 2 == 0 ? 1 : -1) * Eigen::Vector3d::Unit(first / 2);
+        turn.col(1) = (second % 2 == 0 ? 1 : -1) * Eigen::Vector3d::Unit(second / 2);
+        turn.col(2) = turn.col(0).cross(turn.col(1));
+        if (turn.isIdentity()) continue;
+        turns_.emplace_back(axes * turn * axes.transpose());
+      }
+    }
+  }
+
+  // The best pose, turned over about the object's middle in all ways. What is symmetric then has
+  // rivals, although the search may have come upon one of its poses only.
+  void add_turned(const PoseFitter& fitter, std::vector<Judged>& judged) const {
+    const auto best =
+        std::max_element(judged.begin(), judged.end(),
+                         [](const Judged& a, const Judged& b) { return a.evidence < b.evidence; });
+    if (best == judged.end() || !acceptable(*best)) return;
+    const Rigid3 pose = best->fit.world_from_object;
+    const Vector6 twist = best->fit.twist;
+    const Eigen::Vector3d& center = bank_.model().center();
+    for (const Eigen::Quaterniond& turn : turns_) {
+      const Rigid3 turned_object(turn, center - turn * center);
+      const Vector6 turned_twist = turned_object.inverse().adjoint() * twist;
+      judged.push_back(judge(fitter.fit(pose * turned_object, turned_twist, kTurnedReach)));
     }
   }
 
@@ -295,7 +342,7 @@ class ObjectDetector::Impl {
       const FrameInfo& info = seen_[active_[i]].info;
       Observation observation;
       observation.object = object_;
-      observation.camera = info.camera;
+      observation.camera = cameras_[active_[i]].id;
       observation.epoch = info.epoch;
       observation.sequence = info.sequence;
       observation.capture = info.capture;
@@ -333,6 +380,7 @@ class ObjectDetector::Impl {
   const std::vector<DetectorCamera> cameras_;
   std::vector<std::vector<float>> scales_;  ///< by camera, [px/m of the maps]
   int margin_ = 0;
+  std::vector<Eigen::Quaterniond> turns_;
   std::vector<Seen> seen_;
   size_t next_seed_ = 0;
 
@@ -354,7 +402,9 @@ Result<std::unique_ptr<ObjectDetector>> ObjectDetector::create(
 ObjectDetector::ObjectDetector(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 ObjectDetector::~ObjectDetector() = default;
 
-void ObjectDetector::add_frame(const Frame& frame) { impl_->add_frame(frame); }
+void ObjectDetector::add_frame(CameraId camera, const Frame& frame) {
+  impl_->add_frame(camera, frame);
+}
 Detection ObjectDetector::detect() { return impl_->detect(); }
 Detection ObjectDetector::follow(const Detection& earlier) { return impl_->follow(earlier); }
 

@@ -19,6 +19,7 @@
 #include "sightline/geometry/camera_model.hpp"
 #include "sightline/model/object.hpp"
 #include "sightline/observe/fiducial_observer.hpp"
+#include "sightline/observe/object_detector.hpp"
 #include "sightline/record/writer.hpp"
 #include "sightline/render/camera_renderer.hpp"
 #include "sightline/render/free_view.hpp"
@@ -105,6 +106,13 @@ struct RecordConfig {
   RawStorage raw_storage = RawStorage::kRaw;
 };
 
+/// How objects are looked for that nobody knows the place of.
+struct DetectConfig {
+  bool enabled = true;
+  Duration interval = std::chrono::milliseconds(100);  ///< between searches for one object
+  DetectorOptions detector;                            ///< nearest, farthest, accept, margin
+};
+
 struct DaemonConfig {
   log::Level log_level = log::Level::kInfo;
 };
@@ -121,6 +129,7 @@ struct Installation {
   SceneConfig scene;
   RenderOptions render;     ///< the parts of [overlay] that all cameras share
   FiducialOptions observe;  ///< [observe]
+  DetectConfig detect;      ///< [detect]
   EstimatorOptions estimator;
   RtspConfig rtsp;
   EncoderOptions encoder;  ///< bitrate_kbps, keyframe_interval, prefer; the rest is the camera's

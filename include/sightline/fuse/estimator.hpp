@@ -99,7 +99,8 @@ class ObjectEstimator {
   /// Takes observations that share one capture time (one camera, or several that expose together);
   /// they enter one joint update. Sets may come out of order: one that is older than the newest is
   /// put where it belongs and the later ones are replayed, with the result of in-order delivery.
-  /// A further set of the same capture time joins the earlier one. Observations of other objects
+  /// A further set of the same capture time joins the earlier one; of two looks of one camera the
+  /// first counts, unless only the second (a slower one) saw the object. Observations of other objects
   /// are ignored. An observation without terms means "looked and did not see it": always pass it.
   UpdateReport process(std::span<const Observation> set);
 

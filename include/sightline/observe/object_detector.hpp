@@ -19,13 +19,13 @@ struct DetectorOptions {
   /// and how large the object is in their pictures.
   double nearest = 0, farthest = 0;
   /// Least evidence of a pose that is accepted (JointEvidence::total).
-  double accept = 0.5;
+  double accept = 0.4;
   /// What is within this share of the best pose's evidence is as possible as that.
   double margin = 0.82;
   int refined = 14;           ///< poses that are fitted to the pictures
-  size_t scan_hits = 12000;    ///< places in one camera that are tried in the others
+  size_t scan_hits = 12000;   ///< places in one camera that are tried in the others
   double sigma_px = 2.5;      ///< of one fitted line, full-size pixels
-  double independent = 0.12;  ///< share of the lines that is worth an independent measurement
+  double independent = 0.06;  ///< share of the lines that is worth an independent measurement
 };
 
 /// A camera that the detector may use.
@@ -60,7 +60,8 @@ struct Detection {
 /// (a different one each time) on edge directions, the best in all cameras jointly; the best of
 /// those are fitted to the edges of all pictures, each at its own capture time with a common
 /// velocity, and judged by their edges and by how unlike the colours inside and outside of the
-/// outline are. docs/detection.md says more.
+/// outline are. The winner is compared with itself turned over, so that a symmetry comes out even
+/// if only one of its poses was found. docs/detection.md says more.
 ///
 /// Passive; one thread at a time. The same frames give the same detections.
 class ObjectDetector {
@@ -73,8 +74,9 @@ class ObjectDetector {
   ~ObjectDetector();
 
   /// Remembers the frame at half size, in place of the camera's last one. About 0.1 ms. Frames of
-  /// unknown cameras, damaged ones and those of another size are ignored.
-  void add_frame(const Frame& frame);
+  /// unknown cameras, damaged ones and those of another size are ignored. `camera` counts, not what
+  /// the frame says of it.
+  void add_frame(CameraId camera, const Frame& frame);
 
   /// Looks for the object in the newest frames; pictures that are older than the newest one by more
   /// than 100 ms do not take part. About 0.3 s of CPU.

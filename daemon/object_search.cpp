@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "object_search.hpp"
+
+#include <algorithm>
+
+#include "object_views.hpp"
+
+namespace sightline {
+namespace {
+
+// Markers find an object faster and never mistake it.
+bool found_by_markers(const ObjectDescription& object) {
+  return object.board.has_value() || !object.fiducials.empty();
+}
+
+void append(const Detection& detection, std::vector<Observation>& out) {
+  out.insert(out.end(), detection.observations.begin(), detection.observations.end());
+}
+
+}  // namespace
+
+Result<std::unique_ptr<ObjectSearch>> ObjectSearch::create(const Installation& installation,
+                                                           const Rig& rig,
+                                                           const std::filesystem::path& cache) {
+  std::unique_ptr<ObjectSearch> search(new ObjectSearch());
+  if (!installation.detect.enabled) return std::unique_ptr<ObjectSearch>();
+  search->interval_ = installation.detect.interval;
+  std::vector<DetectorCamera> cameras;
+  for (size_t i = 0; i < installation.cameras.size(); ++i) {
+    const CameraConfig& camera = installation.cameras[i];
+    if (!observes(camera.role)) continue;
+    cameras.push_back({CameraId(static_cast<uint32_t>(i)), camera.calibration});
+  }
+  if (cameras.empty()) return std::unique_ptr<ObjectSearch>();
+  for (const RigObject& object : rig.objects) {
+    if (found_by_markers(object.description)) continue;
+    SL_ASSIGN(auto views, load_views(object, cache));
+    Wanted wanted;
+    wanted.object = object.named.id;
+    SL_ASSIGN(wanted.detector, ObjectDetector::create(object.named.id, std::move(views), cameras,
+                                                      installation.detect.detector));
+    search->wanted_.push_back(std::move(wanted));
+  }
+  if (search->wanted_.empty()) return std::unique_ptr<ObjectSearch>();
+  return search;
+}
+
+bool ObjectSearch::due(const Wanted& wanted, Time now, std::span<const PoseTrackPtr> tracks) const {
+  if (wanted.searched && now - wanted.last < interval_) return false;
+  const size_t index = wanted.object.index();
+  const PoseTrackPtr track = index < tracks.size() ? tracks[index] : nullptr;
+  if (!track || track->empty()) return true;
+  const PoseEstimate& newest = track->newest();
+  if (!has_pose(newest.state)) return true;
+  return newest.state == TrackState::kCoasting && now - newest.last_measured > kBlindAfter;
+}
+
+bool ObjectSearch::due(Time now, std::span<const PoseTrackPtr> tracks) const {
+  return std::any_of(wanted_.begin(), wanted_.end(),
+                     [&](const Wanted& wanted) { return due(wanted, now, tracks); });
+}
+
+void ObjectSearch::add_frame(CameraId camera, const Frame& frame) {
+  for (Wanted& wanted : wanted_) wanted.detector->add_frame(camera, frame);
+}
+
+std::vector<Observation> ObjectSearch::search(Time now, std::span<const PoseTrackPtr> tracks) {
+  std::vector<Observation> out;
+  for (Wanted& wanted : wanted_) {
+    wanted.found = {};
+    if (!due(wanted, now, tracks)) continue;
+    wanted.last = now;
+    wanted.searched = true;
+    wanted.found = wanted.detector->detect();
+    append(wanted.found, out);
+  }
+  return out;
+}
+
+std::vector<Observation> ObjectSearch::follow() {
+  std::vector<Observation> out;
+  for (Wanted& wanted : wanted_) {
+    if (wanted.found.poses.empty()) continue;
+    wanted.found = wanted.detector->follow(wanted.found);
+    append(wanted.found, out);
+  }
+  return out;
+}
+
+}  // namespace sightline
