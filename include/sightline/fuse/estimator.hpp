@@ -100,8 +100,9 @@ class ObjectEstimator {
   /// they enter one joint update. Sets may come out of order: one that is older than the newest is
   /// put where it belongs and the later ones are replayed, with the result of in-order delivery.
   /// A further set of the same capture time joins the earlier one; of two looks of one camera the
-  /// first counts, unless only the second (a slower one) saw the object. Observations of other objects
-  /// are ignored. An observation without terms means "looked and did not see it": always pass it.
+  /// first counts, unless only the second (a slower one) saw the object. Observations of other
+  /// objects are ignored. An observation without terms means "looked and did not see it": always
+  /// pass it.
   UpdateReport process(std::span<const Observation> set);
 
   /// Tells the estimator the time [CLOCK_MONOTONIC, now] so that silence of all cameras becomes
