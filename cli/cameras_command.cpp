@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "camera_sync_command.hpp"
 #include "camera_trial.hpp"
 #include "commands.hpp"
 #include "report.hpp"
@@ -156,6 +157,7 @@ Status try_camera(const CamerasOptions& options) {
 }  // namespace
 
 int cameras(const CamerasOptions& options) {
+  if (!options.sync.empty()) return sync_cameras(options);
   if (!options.source.empty()) {
     const Status done = try_camera(options);
     return done ? 0 : report(done.error());

@@ -45,9 +45,10 @@ struct RecordOptions {
 int record(const RecordOptions& options);
 
 struct CamerasOptions {
-  std::string source;            ///< to be tried; empty: list what is plugged in
-  std::filesystem::path config;  ///< then `source` is the name of a camera in it
-  std::filesystem::path save;    ///< PNG of the newest frame
+  std::string source;             ///< to be tried; empty: list what is plugged in
+  std::vector<std::string> sync;  ///< two sources whose timing is compared; or empty
+  std::filesystem::path config;   ///< then sources are the names of cameras in it
+  std::filesystem::path save;     ///< PNG of the newest frame
   double seconds = 5;
   bool json = false;
 };

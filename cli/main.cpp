@@ -145,11 +145,12 @@ int run(int argc, char** argv) {
   auto* cameras_command = app.add_subcommand("cameras", "list what is plugged in, or try a camera");
   auto* try_option = cameras_command->add_option(
       "--try", cameras.source, "grab from this source (or camera of --config) and measure");
-  cameras_command->add_option("--config", cameras.config, "installation file that has the camera")
-      ->needs(try_option);
+  cameras_command->add_option("--sync", cameras.sync, "phase and drift between two of these (A B)")
+      ->expected(2)
+      ->excludes(try_option);
+  cameras_command->add_option("--config", cameras.config, "installation file that has the cameras");
   cameras_command->add_option("--seconds", cameras.seconds, "how long (default 5)")
-      ->check(CLI::Range(0.1, 86400.0))
-      ->needs(try_option);
+      ->check(CLI::Range(0.1, 86400.0));
   cameras_command->add_option("--save", cameras.save, "write the last picture as PNG")
       ->needs(try_option);
   cameras_command->add_flag("--json", cameras.json, "as JSON");
@@ -181,7 +182,14 @@ int run(int argc, char** argv) {
 
   if (check_command->parsed()) return cli::check(check);
   if (evaluate_command->parsed()) return cli::evaluate(evaluate);
-  if (cameras_command->parsed()) return cli::cameras(cameras);
+  if (cameras_command->parsed()) {
+    const bool listing = cameras.source.empty() && cameras.sync.empty();
+    if (listing && cameras_command->count("--seconds") + cameras_command->count("--config") > 0) {
+      std::fputs("sightline: --seconds and --config go with --try or --sync\n", stderr);
+      return 2;
+    }
+    return cli::cameras(cameras);
+  }
   if (model_command->parsed()) return cli::model(model);
   if (app.got_subcommand("superimpose")) return cli::superimpose(superimpose);
   if (app.got_subcommand("view")) return cli::view(view);
