@@ -5,24 +5,12 @@
 #include <GLES3/gl31.h>
 
 #include <array>
-#include <map>
-#include <mutex>
 #include <vector>
 
 #include "egl_device.hpp"
 
 namespace sightline::egl {
 namespace {
-
-/// Users of each display in this process.
-struct DisplayUsers {
-  std::mutex mutex;
-  std::map<EGLDisplay, int> count;
-};
-DisplayUsers& users() {
-  static DisplayUsers all;
-  return all;
-}
 
 /// GPUs as the driver lists them, without its software rasteriser.
 std::vector<void*> real_devices(const char* client_extensions) {
@@ -107,24 +95,12 @@ Result<std::shared_ptr<const Display>> Display::open() {
 
 Result<std::shared_ptr<const Display>> Display::open(EGLenum platform, void* native) {
   std::shared_ptr<Display> display(new Display);
-  {
-    const EGLDisplay handle = eglGetPlatformDisplay(platform, native, nullptr);
-    if (handle == EGL_NO_DISPLAY) return egl_error("eglGetPlatformDisplay");
-    const std::lock_guard lock(users().mutex);
-    if (eglInitialize(handle, nullptr, nullptr) != EGL_TRUE) return egl_error("eglInitialize");
-    display->handle_ = handle;
-    ++users().count[handle];
-  }
+  display->handle_ = eglGetPlatformDisplay(platform, native, nullptr);
+  if (display->handle_ == EGL_NO_DISPLAY) return egl_error("eglGetPlatformDisplay");
+  if (eglInitialize(display->handle_, nullptr, nullptr) != EGL_TRUE)
+    return egl_error("eglInitialize");
   SL_RETURN_IF_ERROR(display->set_up());
   return std::shared_ptr<const Display>(std::move(display));
-}
-
-Display::~Display() {
-  if (handle_ == EGL_NO_DISPLAY) return;
-  const std::lock_guard lock(users().mutex);
-  if (--users().count[handle_] > 0) return;
-  users().count.erase(handle_);
-  eglTerminate(handle_);
 }
 
 bool Display::has(std::string_view extension) const {
@@ -141,7 +117,7 @@ Status Display::set_up() {
   EGLint count = 0;
   if (eglChooseConfig(handle_, wanted.data(), &config_, 1, &count) != EGL_TRUE || count < 1)
     return egl_error("choosing a configuration for OpenGL ES 3");
-  // The display outlives this probe: it is not counted.
+  // The probe is gone before the display is.
   const std::shared_ptr<const Display> self(std::shared_ptr<void>(), this);
   SL_ASSIGN(const std::unique_ptr<Context> probe, Context::create(self, nullptr));
   const Current current(*probe);

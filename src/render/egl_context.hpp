@@ -10,13 +10,12 @@
 
 namespace sightline::egl {
 
-/// An initialised EGL display. EGL counts no users of it, so this does: it is closed with the last
-/// of them in the process.
+/// An initialised EGL display. It is never closed: EGL counts no users, and another library of the
+/// process may be drawing on the same one.
 class Display {
  public:
   /// The first real GPU, else the surfaceless platform.
   static Result<std::shared_ptr<const Display>> open();
-  ~Display();
   Display(const Display&) = delete;
   Display& operator=(const Display&) = delete;
 
