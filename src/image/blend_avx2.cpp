@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <immintrin.h>
 
+#include <array>
+
 #include "blend_kernels.hpp"
 
 namespace sightline::blend {
@@ -38,6 +40,16 @@ __m256i interleave(const uint8_t* a, const uint8_t* b) {
   return _mm256_set_m128i(_mm_unpackhi_epi8(va, vb), _mm_unpacklo_epi8(va, vb));
 }
 
+/// 255 in the last `count` of 32 bytes.
+__m256i last_bytes(int count) {
+  alignas(32) static constexpr std::array<uint8_t, 64> kEdge = [] {
+    std::array<uint8_t, 64> edge{};
+    for (size_t i = 32; i < edge.size(); ++i) edge[i] = 255;
+    return edge;
+  }();
+  return load(kEdge.data() + count);
+}
+
 }  // namespace
 
 void plane_row_avx2(uint8_t* frame, const uint8_t* color, const uint8_t* alpha, int n) {
@@ -47,7 +59,17 @@ void plane_row_avx2(uint8_t* frame, const uint8_t* color, const uint8_t* alpha, 
     if (empty(c, a)) continue;
     store(frame + i, over32(load(frame + i), c, a));
   }
-  plane_row_scalar(frame + i, color + i, alpha + i, n - i);
+  if (i == n) return;
+  if (n < 32) {
+    plane_row_scalar(frame, color, alpha, n);
+    return;
+  }
+  // The last 32 once more: transparent where they are done.
+  const __m256i open = last_bytes(n - i);
+  const int last = n - 32;
+  const __m256i c = _mm256_and_si256(load(color + last), open);
+  const __m256i a = _mm256_and_si256(load(alpha + last), open);
+  if (!empty(c, a)) store(frame + last, over32(load(frame + last), c, a));
 }
 
 void pair_row_avx2(uint8_t* frame_uv, const uint8_t* u, const uint8_t* v, const uint8_t* alpha,
@@ -58,7 +80,17 @@ void pair_row_avx2(uint8_t* frame_uv, const uint8_t* u, const uint8_t* v, const 
     if (empty(c, a)) continue;
     store(frame_uv + 2 * i, over32(load(frame_uv + 2 * i), c, a));
   }
-  pair_row_scalar(frame_uv + 2 * i, u + i, v + i, alpha + i, n - i);
+  if (i == n) return;
+  if (n < 16) {
+    pair_row_scalar(frame_uv, u, v, alpha, n);
+    return;
+  }
+  const __m256i open = last_bytes(2 * (n - i));
+  const int last = n - 16;
+  const __m256i c = _mm256_and_si256(interleave(u + last, v + last), open);
+  const __m256i a = _mm256_and_si256(interleave(alpha + last, alpha + last), open);
+  if (empty(c, a)) return;
+  store(frame_uv + 2 * last, over32(load(frame_uv + 2 * last), c, a));
 }
 
 }  // namespace sightline::blend

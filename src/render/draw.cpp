@@ -3,21 +3,14 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
-#include <cstring>
 #include <numbers>
+
+#include "bar_kernels.hpp"
+#include "sightline/base/cpu.hpp"
 
 namespace sightline::draw {
 namespace {
-
-/// Vectors as g++ and clang lower them for any processor; 16 bytes, as every one has.
-using Floats [[gnu::vector_size(16)]] = float;
-using Ints [[gnu::vector_size(16)]] = int32_t;
-using Shorts [[gnu::vector_size(16)]] = int16_t;
-using Bytes [[gnu::vector_size(8)]] = uint8_t;
-constexpr int kLanes = 8;
-constexpr int kLow = std::endian::native == std::endian::little ? 0 : 1;
 
 /// One or two planes of one geometry, and the value each is drawn with.
 template <int Planes>
@@ -33,19 +26,6 @@ struct Target {
     for (size_t i = 0; i < Planes; ++i) {
       uint8_t& byte = data[i][y * stride[i] + x * step];
       byte = static_cast<uint8_t>(byte + (((value[i] - byte) * alpha + 64) >> 7));
-    }
-  }
-
-  /// Eight pixels from x on, of planes without gaps: the same sums in 16-bit lanes.
-  void blend8(int x, int y, Shorts alpha) const {
-    for (size_t i = 0; i < Planes; ++i) {
-      uint8_t* at = data[i] + y * stride[i] + x;
-      Bytes bytes;
-      std::memcpy(&bytes, at, sizeof(bytes));
-      const Shorts old = __builtin_convertvector(bytes, Shorts);
-      const Shorts change = ((static_cast<int16_t>(value[i]) - old) * alpha + 64) >> 7;
-      bytes = __builtin_convertvector(old + change, Bytes);
-      std::memcpy(at, &bytes, sizeof(bytes));
     }
   }
 };
@@ -93,92 +73,40 @@ struct Span {
         last(floor_of(std::clamp(high, -1.0f, static_cast<float>(limit - 1)))) {}
 };
 
-/// The t for which |slope * t + offset| <= reach.
-struct Band {
-  float inverse;  ///< 1 / slope; 0 for a slope that is (almost) none
-  float reach;
-  Band(float slope, float band_reach)
-      : inverse(std::abs(slope) < 1e-6f ? 0.0f : 1.0f / slope), reach(band_reach) {}
-  void cut(float offset, float& low, float& high) const {
-    if (inverse == 0) {
-      if (std::abs(offset) > reach) high = low - 1;
-      return;
-    }
-    const float a = (-reach - offset) * inverse;
-    const float b = (reach - offset) * inverse;
-    low = std::max(low, std::min(a, b));
-    high = std::min(high, std::max(a, b));
-  }
-};
-
-/// A straight bar: its coverage is the product of the box-filtered distances across and along.
-struct Bar {
-  Point along;
-  float reach_across, reach_along, most, opacity;
-
-  int alpha(float dx, float dy) const {
-    const float across = std::abs(along.x() * dy - along.y() * dx);
-    const float lengthways = std::abs(along.x() * dx + along.y() * dy);
-    const float wide = std::clamp(reach_across - across, 0.0f, most);
-    return to_alpha(wide * clamp01(reach_along - lengthways), opacity);
-  }
-
-  /// The same sums for four pixels.
-  Ints alpha4(Floats dx, float dy) const {
-    const Floats zero = {};
-    const auto magnitude = [&](Floats v) { return v < zero ? -v : v; };
-    const auto clamp = [&](Floats v, float high) {
-      const Floats cut = v > high ? zero + high : v;
-      return cut < zero ? zero : cut;
-    };
-    const Floats across = magnitude(along.x() * dy - along.y() * dx);
-    const Floats lengthways = magnitude(along.x() * dx + along.y() * dy);
-    const Floats coverage =
-        clamp(reach_across - across, most) * clamp(reach_along - lengthways, 1.0f);
-    return __builtin_convertvector(coverage * opacity * 128.0f + 0.5f, Ints);
-  }
-
-  Shorts alpha8(float x, float middle_x, float dy) const {
-    const Floats steps = {0, 1, 2, 3};
-    const Ints a = alpha4(x + steps - middle_x, dy);
-    const Ints b = alpha4(x + 4 + steps - middle_x, dy);
-    // The low halves: alphas are small.
-    return __builtin_shufflevector(reinterpret_cast<Shorts>(a), reinterpret_cast<Shorts>(b), kLow,
-                                   kLow + 2, kLow + 4, kLow + 6, kLow + 8, kLow + 10, kLow + 12,
-                                   kLow + 14);
-  }
-};
+using DrawBar = void (*)(const bars::Bar&);
+DrawBar choose_bars() {
+#ifdef SIGHTLINE_X86_64
+  if (cpu_has_avx2()) return bars::draw_avx2;
+#endif
+  return bars::draw_scalar;
+}
 
 template <int Planes>
 void draw_bar(const Target<Planes>& target, Point a, Point b, float half_width, float opacity) {
+  static const DrawBar draw = choose_bars();
   const Point delta = b - a;
   const float length = delta.norm();
-  const Bar bar{length > 1e-6f ? Point(delta / length) : Point(1, 0), half_width + 0.5f,
-                0.5f * length + 0.5f, std::min(1.0f, 2 * half_width), opacity};
-  const Point along = bar.along;
+  const Point along = length > 1e-6f ? Point(delta / length) : Point(1, 0);
   const Point middle = 0.5f * (a + b);
-  const Band across(-along.y(), bar.reach_across);
-  const Band lengthways(along.x(), bar.reach_along);
-  const float extent =
-      std::abs(along.y()) * bar.reach_along + std::abs(along.x()) * bar.reach_across;
-  const Span rows(middle.y() - extent, middle.y() + extent, target.height);
-  for (int y = rows.first; y <= rows.last; ++y) {
-    const float dy = static_cast<float>(y) - middle.y();
-    float low = -1e9f;
-    float high = 1e9f;
-    across.cut(along.x() * dy, low, high);
-    lengthways.cut(along.y() * dy, low, high);
-    if (low > high) continue;
-    const Span columns(low + middle.x(), high + middle.x(), target.width);
-    int x = columns.first;
-    // Lanes beyond the bar have alpha 0 and keep their pixels.
-    for (; target.step == 1 && x <= columns.last && x + kLanes <= target.width; x += kLanes) {
-      target.blend8(x, y, bar.alpha8(static_cast<float>(x), middle.x(), dy));
-    }
-    for (; x <= columns.last; ++x) {
-      target.blend(x, y, bar.alpha(static_cast<float>(x) - middle.x(), dy));
-    }
+  bars::Bar bar{};
+  for (size_t i = 0; i < Planes; ++i) {
+    bar.plane[i] = target.data[i];
+    bar.stride[i] = target.stride[i];
+    bar.value[i] = target.value[i];
   }
+  bar.planes = Planes;
+  bar.width = target.width;
+  bar.height = target.height;
+  bar.step = target.step;
+  bar.along_x = along.x();
+  bar.along_y = along.y();
+  bar.middle_x = middle.x();
+  bar.middle_y = middle.y();
+  bar.reach_across = half_width + 0.5f;
+  bar.reach_along = 0.5f * length + 0.5f;
+  bar.most = std::min(1.0f, 2 * half_width);
+  bar.opacity = opacity;
+  draw(bar);
 }
 
 template <int Planes>

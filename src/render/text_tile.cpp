@@ -4,15 +4,14 @@
 #include <algorithm>
 #include <cstring>
 
+#include "tile_kernels.hpp"
+
 namespace sightline {
 namespace {
 
 constexpr int kBorder = 2 * GlyphAtlas::kHaloMargin;
-constexpr Yuv kHaloColor{16, 128, 128};
 
 int even_up(int value) { return (value + 1) & ~1; }
-
-int div255(int value) { return (value + 127) / 255; }
 
 }  // namespace
 
@@ -83,33 +82,21 @@ void TextTile::lay(const uint8_t* from, int width, int height, uint8_t* plane, i
 }
 
 void TextTile::color_rows(int first, int last, Yuv color) {
+  const tile::Kernels& kernels = tile::kernels();
   for (int y = first; y < last; ++y) {
     const ptrdiff_t row = static_cast<ptrdiff_t>(y) * most_width_;
-    const uint8_t* strokes = strokes_.data() + row;
-    uint8_t* alpha = halo_.data() + row;
-    uint8_t* luma = luma_.data() + row;
-    for (int x = 0; x < width_; ++x) {
-      alpha[x] = std::max(alpha[x], strokes[x]);
-      const int dark = alpha[x] - strokes[x];
-      luma[x] = static_cast<uint8_t>(div255(strokes[x] * color.y + dark * kHaloColor.y));
-    }
+    kernels.text_luma(strokes_.data() + row, color.y, halo_.data() + row, luma_.data() + row,
+                      width_);
   }
   for (int y = first / 2; y < last / 2; ++y) {
     const ptrdiff_t top = static_cast<ptrdiff_t>(2 * y) * most_width_;
     const ptrdiff_t row = static_cast<ptrdiff_t>(y) * (most_width_ / 2);
-    for (int x = 0; x < width_ / 2; ++x) {
-      const ptrdiff_t at = top + 2 * x;
-      const auto quarter = [&](const std::vector<uint8_t>& plane) {
-        const uint8_t* p = plane.data() + at;
-        return (p[0] + p[1] + p[most_width_] + p[most_width_ + 1] + 2) / 4;
-      };
-      const int ink = quarter(strokes_);
-      const int alpha = std::max(quarter(halo_), ink);
-      const size_t to = static_cast<size_t>(row + x);
-      chroma_alpha_[to] = static_cast<uint8_t>(alpha);
-      u_[to] = static_cast<uint8_t>(div255(ink * color.u + (alpha - ink) * kHaloColor.u));
-      v_[to] = static_cast<uint8_t>(div255(ink * color.v + (alpha - ink) * kHaloColor.v));
-    }
+    const tile::TextChromaIn in{{strokes_.data() + top, strokes_.data() + top + most_width_},
+                                {halo_.data() + top, halo_.data() + top + most_width_},
+                                color.u,
+                                color.v};
+    kernels.text_chroma(in, u_.data() + row, v_.data() + row, chroma_alpha_.data() + row,
+                        width_ / 2);
   }
 }
 

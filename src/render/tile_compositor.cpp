@@ -3,19 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <numbers>
-
-#include "sightline/base/cpu.hpp"
 
 namespace sightline {
 namespace {
-
-const tile::Kernels& choose_kernels() {
-#ifdef SIGHTLINE_X86_64
-  if (cpu_has_avx2()) return tile::kAvx2Kernels;
-#endif
-  return tile::kScalarKernels;
-}
 
 uint8_t to_byte(float share) {
   return static_cast<uint8_t>(std::lround(255.0f * std::clamp(share, 0.0f, 1.0f)));
@@ -43,7 +35,7 @@ constexpr float kDashPeriod = 12;
 }  // namespace
 
 TileCompositor::TileCompositor(int frame_width, int frame_height)
-    : frame_width_(frame_width), frame_height_(frame_height), kernels_(&choose_kernels()) {}
+    : frame_width_(frame_width), frame_height_(frame_height), kernels_(&tile::kernels()) {}
 
 void TileCompositor::reserve(const TileRect& rect) {
   rect_ = rect;
@@ -59,6 +51,7 @@ void TileCompositor::reserve(const TileRect& rect) {
     for (auto& row : *rows) grow(row, stride_);
   }
   grow(column_sums_, stride_ + 6);
+  grow(covered_, static_cast<size_t>(rect.height));
   grow(hatch_, stride_ + kHatchPeriod);
 }
 
@@ -87,6 +80,7 @@ TileCoverage TileCompositor::classify(const RasterTile& tile, const StaticDepth*
   }
   if (first < 0) return coverage_;
   repeat_frame_edge();
+  for (int y = 0; y < rect_.height; ++y) covered_[static_cast<size_t>(y)] = covered_columns(y);
   const auto covered = [](uint8_t column) { return column != 0; };
   const auto end = columns_.begin() + width;
   const auto left = std::find_if(columns_.begin(), end, covered);
@@ -126,19 +120,76 @@ TileRect TileCompositor::painted_part() const {
   return part;
 }
 
-void TileCompositor::blur(const std::vector<uint8_t>& plane, int y, const TileRect& part,
+/// From the first to the last covered pixel of a row. Read in words: rows without any are common.
+TileCompositor::Columns TileCompositor::covered_columns(int y) const {
+  const uint8_t* const row = mask_.data() + at(0, y);
+  const uint8_t* const end = row + rect_.width;
+  const auto covered = [](uint8_t pixel) { return pixel != 0; };
+  const uint8_t* first = row;
+  for (uint64_t word; first + sizeof(word) <= end; first += sizeof(word)) {
+    std::memcpy(&word, first, sizeof(word));
+    if (word != 0) break;
+  }
+  first = std::find_if(first, end, covered);
+  if (first == end) return {};
+  const uint8_t* last = end;
+  for (uint64_t word; last - sizeof(word) >= first; last -= sizeof(word)) {
+    std::memcpy(&word, last - sizeof(word), sizeof(word));
+    if (word != 0) break;
+  }
+  while (last[-1] == 0) --last;
+  return {static_cast<int>(first - row), static_cast<int>(last - row)};
+}
+
+/// What the pair of rows with row `y` shows: the covered part of all rows that blur into it, grown
+/// by the margin, even.
+TileCompositor::Columns TileCompositor::painted_columns(int y, const TileRect& part) const {
+  const int top = std::max((y & ~1) - kMargin, 0);
+  const int bottom = std::min((y | 1) + kMargin, rect_.height - 1);
+  Columns all{rect_.width, 0};
+  for (int row = top; row <= bottom; ++row) {
+    const Columns& one = covered_[static_cast<size_t>(row)];
+    if (one.count() <= 0) continue;
+    all = {std::min(all.first, one.first), std::max(all.end, one.end)};
+  }
+  if (all.count() <= 0) return {part.x, part.x};
+  return {std::max((all.first - kMargin) & ~1, part.x),
+          std::min((all.end + kMargin + 1) & ~1, part.x + part.width)};
+}
+
+/// Empties what is left of the part's row, and of its chroma's if the row ends a pair.
+void TileCompositor::clear_beside(int y, const TileRect& part, const Columns& painted) {
+  const auto clear = [](std::vector<uint8_t>& plane, size_t row, int first, int end) {
+    std::memset(plane.data() + row + static_cast<size_t>(first), 0,
+                static_cast<size_t>(std::max(end - first, 0)));
+  };
+  const int end = part.x + part.width;
+  for (auto* plane : {&luma_, &alpha_}) {
+    clear(*plane, at(0, y), part.x, painted.first);
+    clear(*plane, at(0, y), painted.end, end);
+  }
+  if ((y & 1) == 0) return;
+  const size_t half = static_cast<size_t>(y / 2) * (stride_ / 2);
+  for (auto* plane : {&u_, &v_, &chroma_alpha_}) {
+    clear(*plane, half, part.x / 2, painted.first / 2);
+    clear(*plane, half, painted.end / 2, end / 2);
+  }
+}
+
+void TileCompositor::blur(const std::vector<uint8_t>& plane, int y, const Columns& columns,
                           std::vector<uint8_t>& out) {
   std::array<const uint8_t*, 7> rows;
   for (int k = 0; k < 7; ++k) {
     rows[static_cast<size_t>(k)] =
-        plane.data() + at(part.x, std::clamp(y + k - 3, 0, rect_.height - 1));
+        plane.data() + at(columns.first, std::clamp(y + k - 3, 0, rect_.height - 1));
   }
   uint16_t* sums = column_sums_.data();
-  kernels_->blur_down(rows, sums + 3, part.width);
-  // Beyond the tile's margin there is nothing; beyond the frame's edge the object goes on.
+  const int count = columns.count();
+  kernels_->blur_down(rows, sums + 3, count);
+  // Beyond the margin there is nothing; beyond the frame's edge the object goes on.
   std::fill_n(sums, 3, sums[3]);
-  std::fill_n(sums + 3 + part.width, 3, sums[2 + part.width]);
-  kernels_->blur_along(sums, out.data(), part.width);
+  std::fill_n(sums + 3 + count, 3, sums[2 + count]);
+  kernels_->blur_along(sums, out.data(), count);
 }
 
 tile::Look TileCompositor::look_of(const TilePaint& paint) const {
@@ -178,23 +229,28 @@ OverlayTileView TileCompositor::compose(const RasterTile& tile, const TilePaint&
                  8.0f, 400.0f);
   const size_t half_stride = stride_ / 2;
   for (int y = part.y; y < part.y + part.height; ++y) {
-    blur(mask_, y, part, blurred_);
-    if (coverage_.hidden) blur(hidden_, y, part, blurred_hidden_);
+    const Columns columns = painted_columns(y, part);
+    clear_beside(y, part, columns);
+    const int count = columns.count();
+    if (count == 0) continue;
+    blur(mask_, y, columns, blurred_);
+    if (coverage_.hidden) blur(hidden_, y, columns, blurred_hidden_);
     if (dashes) {
-      kernels_->dash(static_cast<float>(part.x) - middle_x, static_cast<float>(y) - middle_y,
-                     dash_count, dash_.data(), part.width);
+      kernels_->dash(static_cast<float>(columns.first) - middle_x, static_cast<float>(y) - middle_y,
+                     dash_count, dash_.data(), count);
     }
-    const size_t here = at(part.x, y);
+    const size_t here = at(columns.first, y);
     const size_t odd = static_cast<size_t>(y & 1);
-    const int phase = (rect_.x + part.x + rect_.y + y) % kHatchPeriod;
-    const tile::RowIn in{mask_.data() + here,    hidden_.data() + here,  blurred_.data(),
-                         blurred_hidden_.data(), tile.shade(y) + part.x, dash_.data(),
+    const int phase = (rect_.x + columns.first + rect_.y + y) % kHatchPeriod;
+    const tile::RowIn in{mask_.data() + here,    hidden_.data() + here,         blurred_.data(),
+                         blurred_hidden_.data(), tile.shade(y) + columns.first, dash_.data(),
                          hatch_.data() + phase};
     const tile::RowOut out{luma_.data() + here, alpha_.data() + here, visible_ink_[odd].data(),
                            xray_ink_[odd].data()};
-    kernels_->compose(look, in, out, part.width);
+    kernels_->compose(look, in, out, count);
     if (odd == 0) continue;
-    const size_t half = static_cast<size_t>(y / 2) * half_stride + static_cast<size_t>(part.x / 2);
+    const size_t half =
+        static_cast<size_t>(y / 2) * half_stride + static_cast<size_t>(columns.first / 2);
     const tile::ChromaIn chroma{{alpha_.data() + here - stride_, alpha_.data() + here},
                                 {visible_ink_[0].data(), visible_ink_[1].data()},
                                 {xray_ink_[0].data(), xray_ink_[1].data()},
@@ -203,7 +259,7 @@ OverlayTileView TileCompositor::compose(const RasterTile& tile, const TilePaint&
                                 paint.xray_color.u,
                                 paint.xray_color.v};
     kernels_->chroma(chroma, u_.data() + half, v_.data() + half, chroma_alpha_.data() + half,
-                     part.width / 2);
+                     count / 2);
   }
   const auto full = [&](const std::vector<uint8_t>& plane) {
     return PlaneView{plane.data() + at(part.x, part.y), part.width, part.height,

@@ -60,6 +60,13 @@ struct ChromaIn {
   uint8_t u = 128, v = 128, xray_u = 128, xray_v = 128;
 };
 
+/// Text: two rows of strokes and of alpha, and its hue.
+struct TextChromaIn {
+  const uint8_t* strokes[2];
+  const uint8_t* alpha[2];
+  uint8_t u = 128, v = 128;
+};
+
 struct Kernels {
   /// mask and hidden from 1/z of object and scene: hidden where scene > object * factor. `scene`
   /// may be null. ORs the mask into `columns`.
@@ -74,7 +81,14 @@ struct Kernels {
   void (*compose)(const Look& look, const RowIn& in, const RowOut& out, int n);
   /// Halves two rows: n chroma samples.
   void (*chroma)(const ChromaIn& in, uint8_t* u, uint8_t* v, uint8_t* alpha, int n);
+  /// One row of text on its halo: premultiplied luma; `alpha` holds the halo and takes the total.
+  void (*text_luma)(const uint8_t* strokes, uint8_t luma, uint8_t* alpha, uint8_t* out, int n);
+  /// Halves two rows of it: n chroma samples.
+  void (*text_chroma)(const TextChromaIn& in, uint8_t* u, uint8_t* v, uint8_t* alpha, int n);
 };
+
+/// The best that this processor runs.
+const Kernels& kernels();
 
 extern const Kernels kScalarKernels;
 #ifdef SIGHTLINE_X86_64

@@ -1,7 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The kernels' one source, compiled twice: for any processor and for AVX2. Includes nothing but
-// their header, so that no inline function of a library is compiled for AVX2 and then shared.
+// their header and intrinsics, so that no inline function of a library is compiled for AVX2 and
+// then shared.
 #include "tile_kernels.hpp"
+
+#ifdef __AVX2__
+#include <immintrin.h>
+#endif
 
 namespace sightline::tile {
 namespace {
@@ -28,8 +33,52 @@ inline U16 ramp(U16 value, U16 low, U16 gain) {
   return alpha < 255 ? alpha : U16{255};
 }
 
-int classify(const float* __restrict object, const float* __restrict scene, float factor,
-             U8* __restrict mask, U8* __restrict hidden, U8* __restrict columns, int n) {
+#ifdef __AVX2__
+/// Eight comparisons to a register, packed to bytes: 32 pixels at a time.
+inline __m256i packed(__m256i a, __m256i b, __m256i c, __m256i d) {
+  const __m256i mixed = _mm256_packs_epi16(_mm256_packs_epi32(a, b), _mm256_packs_epi32(c, d));
+  return _mm256_permutevar8x32_epi32(mixed, _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7));
+}
+inline __m256i load_bytes(const U8* p) {
+  return _mm256_loadu_si256(reinterpret_cast<const __m256i*>(p));
+}
+inline void store_bytes(U8* p, __m256i v) { _mm256_storeu_si256(reinterpret_cast<__m256i*>(p), v); }
+
+/// classify() of the whole 32s of a row; returns how many pixels those are.
+inline int classify32(const float* object, const float* scene, float factor, U8* mask, U8* hidden,
+                      U8* columns, int n, int& found) {
+  const __m256 zero = _mm256_setzero_ps();
+  const __m256 scale = _mm256_set1_ps(factor);
+  __m256i any = _mm256_setzero_si256();
+  __m256i any_hidden = any;
+  int x = 0;
+  for (; x + 32 <= n; x += 32) {
+    __m256i in[4], out[4];
+    for (int k = 0; k < 4; ++k) {
+      const __m256 z = _mm256_loadu_ps(object + x + 8 * k);
+      in[k] = _mm256_castps_si256(_mm256_cmp_ps(z, zero, _CMP_GT_OQ));
+      out[k] = _mm256_setzero_si256();
+      if (scene == nullptr) continue;
+      const __m256 nearer =
+          _mm256_cmp_ps(_mm256_loadu_ps(scene + x + 8 * k), _mm256_mul_ps(z, scale), _CMP_GT_OQ);
+      out[k] = _mm256_and_si256(in[k], _mm256_castps_si256(nearer));
+    }
+    const __m256i inside = packed(in[0], in[1], in[2], in[3]);
+    const __m256i behind = packed(out[0], out[1], out[2], out[3]);
+    store_bytes(mask + x, inside);
+    store_bytes(hidden + x, behind);
+    store_bytes(columns + x, _mm256_or_si256(load_bytes(columns + x), inside));
+    any = _mm256_or_si256(any, inside);
+    any_hidden = _mm256_or_si256(any_hidden, behind);
+  }
+  found = (_mm256_testz_si256(any, any) != 0 ? 0 : kAnyCovered) |
+          (_mm256_testz_si256(any_hidden, any_hidden) != 0 ? 0 : kAnyHidden);
+  return x;
+}
+#endif
+
+int classify_rest(const float* __restrict object, const float* __restrict scene, float factor,
+                  U8* __restrict mask, U8* __restrict hidden, U8* __restrict columns, int n) {
   int covered = 0;
   int behind = 0;
   if (scene == nullptr) {
@@ -52,6 +101,17 @@ int classify(const float* __restrict object, const float* __restrict scene, floa
     }
   }
   return (covered != 0 ? kAnyCovered : 0) | (behind != 0 ? kAnyHidden : 0);
+}
+
+int classify(const float* object, const float* scene, float factor, U8* mask, U8* hidden,
+             U8* columns, int n) {
+  int found = 0;
+  int x = 0;
+#ifdef __AVX2__
+  x = classify32(object, scene, factor, mask, hidden, columns, n, found);
+#endif
+  return found | classify_rest(object + x, scene == nullptr ? nullptr : scene + x, factor, mask + x,
+                               hidden + x, columns + x, n - x);
 }
 
 void blur_down(const std::array<const U8*, 7>& rows, U16* __restrict out, int n) {
@@ -169,11 +229,43 @@ void chroma(const ChromaIn& in, U8* __restrict u, U8* __restrict v, U8* __restri
   }
 }
 
+void text_luma(const U8* __restrict strokes, U8 color, U8* __restrict alpha, U8* __restrict out,
+               int n) {
+  for (int x = 0; x < n; ++x) {
+    const U16 ink = strokes[x];
+    const U16 total = alpha[x] > ink ? alpha[x] : ink;
+    const U16 dark = static_cast<U16>(total - ink);
+    alpha[x] = static_cast<U8>(total);
+    out[x] = static_cast<U8>(div255(static_cast<U16>(ink * color + dark * 16)));
+  }
+}
+
+inline void text_chroma_row(const U8* __restrict ink0, const U8* __restrict ink1,
+                            const U8* __restrict alpha0, const U8* __restrict alpha1, U16 color_u,
+                            U16 color_v, U8* __restrict u, U8* __restrict v, U8* __restrict alpha,
+                            int n) {
+  for (int x = 0; x < n; ++x) {
+    const U16 ink = quarter(ink0, ink1, x);
+    const U16 covered = quarter(alpha0, alpha1, x);
+    const U16 total = covered > ink ? covered : ink;
+    const U16 grey = static_cast<U16>((total - ink) * 128);
+    alpha[x] = static_cast<U8>(total);
+    u[x] = static_cast<U8>(div255(static_cast<U16>(ink * color_u + grey)));
+    v[x] = static_cast<U8>(div255(static_cast<U16>(ink * color_v + grey)));
+  }
+}
+
+void text_chroma(const TextChromaIn& in, U8* u, U8* v, U8* alpha, int n) {
+  text_chroma_row(in.strokes[0], in.strokes[1], in.alpha[0], in.alpha[1], in.u, in.v, u, v, alpha,
+                  n);
+}
+
 }  // namespace
 
 #ifndef SIGHTLINE_TILE_KERNELS
 #error "name the kernel table that this file makes"
 #endif
-const Kernels SIGHTLINE_TILE_KERNELS = {classify, blur_down, blur_along, dash, compose, chroma};
+const Kernels SIGHTLINE_TILE_KERNELS = {classify, blur_down, blur_along, dash,
+                                        compose,  chroma,    text_luma,  text_chroma};
 
 }  // namespace sightline::tile
