@@ -8,12 +8,15 @@
 #include <algorithm>
 #include <cmath>
 #include <ctime>
+#include <map>
+#include <memory>
 #include <vector>
 
 #include "sightline/geometry/mesh.hpp"
 #include "sightline/image/convert.hpp"
 #include "sightline/image/picture.hpp"
 #include "sightline/render/camera_renderer.hpp"
+#include "sightline/render/mesh_levels.hpp"
 #include "sightline/render/ray_table.hpp"
 #include "sightline/render/render_mesh.hpp"
 #include "sightline/render/static_depth.hpp"
@@ -68,6 +71,24 @@ PoseTrackPtr track(int k) {
   return std::make_shared<PoseTrack>(ObjectId(0), std::vector{estimate}, MotionNoise{});
 }
 
+/// Made once a size: a benchmark runs its function several times.
+const std::shared_ptr<const RenderMesh>& torus(size_t faces) {
+  static std::map<size_t, std::shared_ptr<const RenderMesh>> made;
+  auto& mesh = made[faces];
+  if (mesh == nullptr) {
+    mesh = std::make_shared<const RenderMesh>(
+        make_render_mesh(make_bumpy_torus(faces, static_cast<float>(kRadius))));
+  }
+  return mesh;
+}
+
+std::shared_ptr<const MeshLevels> levels_of(const std::shared_ptr<const RenderMesh>& mesh) {
+  static std::map<const RenderMesh*, std::shared_ptr<const MeshLevels>> made;
+  auto& levels = made[mesh.get()];
+  if (levels == nullptr) levels = std::make_shared<const MeshLevels>(mesh);
+  return levels;
+}
+
 OverlayStyle full_style() {
   OverlayStyle style;
   style.circle = false;
@@ -83,17 +104,17 @@ double thread_cpu_ms() {
 
 /// Frames per iteration set: medians need single frames, so each iteration is one frame.
 void overlay(benchmark::State& state, const OverlayStyle& style, bool copy,
-             RasterChoice backend = RasterChoice::kCpu) {
+             RasterChoice backend = RasterChoice::kCpu, bool simplified = true) {
   const int height = static_cast<int>(state.range(0));
   const auto faces = static_cast<size_t>(state.range(1));
   const Rig& at = rig(height);
-  const auto mesh = std::make_shared<RenderMesh>(
-      make_render_mesh(make_bumpy_torus(faces, static_cast<float>(kRadius))));
+  const std::shared_ptr<const RenderMesh> mesh = torus(faces);
   RenderOptions options;
   options.backend = backend;
-  auto created =
-      CameraRenderer::create(at.calibrated, CameraId(0), {{ObjectId(0), "torus", mesh, style}},
-                             at.rays, at.depth, options);
+  const auto levels = simplified ? levels_of(mesh) : nullptr;
+  auto created = CameraRenderer::create(at.calibrated, CameraId(0),
+                                        {{ObjectId(0), "torus", mesh, style, levels}}, at.rays,
+                                        at.depth, options);
   if (!created) {
     state.SkipWithError(created.error().message().c_str());
     return;
@@ -119,10 +140,18 @@ void overlay(benchmark::State& state, const OverlayStyle& style, bool copy,
   state.counters["median_ms"] = times[times.size() / 2];
   state.counters["p99_ms"] = times[times.size() * 99 / 100];
   state.counters["faces"] = static_cast<double>(mesh->faces.size());
+  if (levels != nullptr) {
+    const PoseAt& pose = poses.front();
+    state.counters["drawn"] = static_cast<double>(
+        levels->choose(*at.rays, pose.estimate.world_from_object, options.detail_px).faces.size());
+  }
 }
 
 void everything(benchmark::State& state) { overlay(state, full_style(), false); }
 void everything_and_frame_copy(benchmark::State& state) { overlay(state, full_style(), true); }
+void everything_full_mesh(benchmark::State& state) {
+  overlay(state, full_style(), false, RasterChoice::kCpu, false);
+}
 void everything_on_egl(benchmark::State& state) {
   overlay(state, full_style(), false, RasterChoice::kEgl);
 }
@@ -137,7 +166,10 @@ void style_alone(benchmark::State& state, const char* name) {
 
 BENCHMARK(everything)
     ->ArgNames({"height", "faces"})
-    ->ArgsProduct({{720, 1080}, {1000, 10000, 100000}});
+    ->ArgsProduct({{720, 1080}, {1000, 10000, 100000, 1000000}});
+BENCHMARK(everything_full_mesh)
+    ->ArgNames({"height", "faces"})
+    ->ArgsProduct({{720, 1080}, {1000, 10000, 100000, 1000000}});
 BENCHMARK(everything_and_frame_copy)
     ->ArgNames({"height", "faces"})
     ->ArgsProduct({{720, 1080}, {1000, 10000, 100000}});

@@ -46,9 +46,11 @@ Result<Rig> load_rig(const Installation& installation) {
   for (size_t i = 0; i < installation.objects.size(); ++i) {
     const ObjectDescription& description = installation.objects[i].description;
     SL_ASSIGN(TriangleMesh mesh, load_mesh(description.mesh, description.meters_per_unit));
+    const auto shown = std::make_shared<const RenderMesh>(make_render_mesh(mesh));
     rig.objects.push_back({{ObjectId(static_cast<uint32_t>(i)), description.name},
                            description,
-                           std::make_shared<const RenderMesh>(make_render_mesh(mesh)),
+                           shown,
+                           std::make_shared<const MeshLevels>(shown),
                            std::make_shared<const TriangleMesh>(std::move(mesh))});
   }
   for (const auto& path : installation.scene.meshes) {
@@ -101,7 +103,8 @@ Result<std::unique_ptr<CameraRenderer>> make_renderer(const Installation& instal
   }
   std::vector<OverlayObject> objects;
   for (const RigObject& object : rig.objects) {
-    objects.push_back({object.named.id, object.named.name, object.mesh, config.overlay});
+    objects.push_back(
+        {object.named.id, object.named.name, object.mesh, config.overlay, object.levels});
   }
   return CameraRenderer::create(config.calibration, camera, std::move(objects), rays, scene,
                                 installation.render);

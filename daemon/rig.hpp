@@ -10,6 +10,7 @@
 #include "sightline/model/pose_track.hpp"
 #include "sightline/observe/fiducial_observer.hpp"
 #include "sightline/render/camera_renderer.hpp"
+#include "sightline/render/mesh_levels.hpp"
 #include "sightline/render/ray_table.hpp"
 #include "sightline/render/render_mesh.hpp"
 #include "sightline/render/static_depth.hpp"
@@ -21,6 +22,7 @@ struct RigObject {
   NamedObject named;
   ObjectDescription description;
   std::shared_ptr<const RenderMesh> mesh;
+  std::shared_ptr<const MeshLevels> levels;       ///< of it, for what is small in the picture
   std::shared_ptr<const TriangleMesh> triangles;  ///< the same, as read
 };
 

@@ -116,6 +116,7 @@ void visit(Visitor& v, OverlayStyle& s) {
 template <typename Visitor>
 void visit(Visitor& v, RenderOptions& s) {
   v.choice("backend", s.backend, kRasterChoices);
+  v.number("detail_px", s.detail_px, 0, 2, "a length in pixels");
   v.file("font_file", s.font_file);
   v.number("depth_tolerance", s.depth_tolerance, 0, 0.5, "a share of the range");
 }

@@ -13,6 +13,7 @@
 #include "sightline/base/check.hpp"
 #include "sightline/image/blend.hpp"
 #include "sightline/render/label.hpp"
+#include "sightline/render/mesh_levels.hpp"
 #include "sightline/render/raster.hpp"
 #include "sightline/render/static_depth.hpp"
 #include "text_tile.hpp"
@@ -83,6 +84,9 @@ Status check_sizes(const CalibratedCamera& camera, const RayTable* rays, const S
     return make_error(ErrorCode::kInvalidInput, camera.name,
                       "the static depth is {}x{}, the camera {}x{} pixels", scene->width(),
                       scene->height(), width, height);
+  }
+  if (!in_range(options.detail_px, 0, 10)) {
+    return make_error(ErrorCode::kInvalidInput, camera.name, "detail must be between 0 and 10 px");
   }
   if (!in_range(options.depth_tolerance, 0, 1) ||
       !in_range(options.depth_tolerance_sigmas, 0, 100)) {
@@ -165,6 +169,7 @@ class CameraRenderer::Impl {
   /// What one object's drawing needs to know.
   struct Subject {
     const OverlayObject& object;
+    const RenderMesh& mesh;  ///< the level of it that is drawn
     const PoseEstimate& estimate;
     Rigid3 camera_from_object;
     Eigen::Vector3d center;  ///< of the bounding sphere, camera frame
@@ -213,12 +218,18 @@ class CameraRenderer::Impl {
     if (estimate.state == TrackState::kDegraded) hue = style.degraded_color;
     if (estimate.state == TrackState::kCoasting) hue = style.coasting_color;
     const Eigen::Vector3d center = center_in_camera(i, estimate);
+    const Rigid3 camera_from_object = camera_from_world_ * estimate.world_from_object;
+    const RenderMesh& mesh =
+        object.levels == nullptr
+            ? *object.mesh
+            : object.levels->choose(*rays_, camera_from_object, options_.detail_px);
     const double margin = options_.depth_tolerance + options_.depth_tolerance_sigmas *
                                                          estimate.sigma_translation() /
                                                          std::max(center.z(), 1e-3);
     return {object,
+            mesh,
             estimate,
-            camera_from_world_ * estimate.world_from_object,
+            camera_from_object,
             center,
             {to_yuv(hue), to_yuv(style.xray_color), style.line_px,
              estimate.state == TrackState::kCoasting},
@@ -263,7 +274,7 @@ class CameraRenderer::Impl {
 
   TileCoverage draw_tile(const Subject& subject) {
     const OverlayStyle& style = subject.object.style;
-    const RenderMesh& mesh = *subject.object.mesh;
+    const RenderMesh& mesh = subject.mesh;
     tile_.reset(rasterizer_->bounds(mesh, subject.camera_from_object, TileCompositor::kMargin));
     if (tile_.rect().empty()) return {};
     const Status drawn = rasterizer_->draw(mesh, subject.camera_from_object, tile_);
@@ -302,7 +313,7 @@ class CameraRenderer::Impl {
   /// Feature edges that the object itself does not hide.
   void draw_wireframe(const Subject& subject) {
     edges_.clear();
-    visible_edges(*rays_, *subject.object.mesh, subject.camera_from_object, tile_, edges_);
+    visible_edges(*rays_, subject.mesh, subject.camera_from_object, tile_, edges_);
     pieces_.clear();
     for (const EdgeSegment& edge : edges_) {
       if (edge.visible) add_seen_edge(edge);

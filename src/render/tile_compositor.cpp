@@ -46,7 +46,7 @@ void TileCompositor::reserve(const TileRect& rect) {
   const size_t pixels = stride_ * static_cast<size_t>(rect.height);
   for (auto* plane : {&mask_, &hidden_, &luma_, &alpha_}) grow(*plane, pixels);
   for (auto* plane : {&u_, &v_, &chroma_alpha_}) grow(*plane, pixels / 4 + stride_);
-  for (auto* row : {&columns_, &blurred_, &blurred_hidden_, &dash_}) grow(*row, stride_);
+  for (auto* row : {&columns_, &blurred_, &blurred_hidden_}) grow(*row, stride_);
   for (auto* rows : {&visible_ink_, &xray_ink_}) {
     for (auto& row : *rows) grow(row, stride_);
   }
@@ -220,7 +220,6 @@ OverlayTileView TileCompositor::compose(const RasterTile& tile, const TilePaint&
   const tile::Look look = look_of(paint);
   fill_hatch(paint.fill_opacity);
   const bool dashes = paint.dashed || coverage_.hidden;
-  std::fill(dash_.begin(), dash_.end(), uint8_t{255});
   std::fill(blurred_hidden_.begin(), blurred_hidden_.end(), uint8_t{0});
   const float middle_x = static_cast<float>(inner_.x) + 0.5f * static_cast<float>(inner_.width);
   const float middle_y = static_cast<float>(inner_.y) + 0.5f * static_cast<float>(inner_.height);
@@ -235,16 +234,18 @@ OverlayTileView TileCompositor::compose(const RasterTile& tile, const TilePaint&
     if (count == 0) continue;
     blur(mask_, y, columns, blurred_);
     if (coverage_.hidden) blur(hidden_, y, columns, blurred_hidden_);
-    if (dashes) {
-      kernels_->dash(static_cast<float>(columns.first) - middle_x, static_cast<float>(y) - middle_y,
-                     dash_count, dash_.data(), count);
-    }
     const size_t here = at(columns.first, y);
     const size_t odd = static_cast<size_t>(y & 1);
     const int phase = (rect_.x + columns.first + rect_.y + y) % kHatchPeriod;
-    const tile::RowIn in{mask_.data() + here,    hidden_.data() + here,         blurred_.data(),
-                         blurred_hidden_.data(), tile.shade(y) + columns.first, dash_.data(),
-                         hatch_.data() + phase};
+    const tile::RowIn in{mask_.data() + here,
+                         hidden_.data() + here,
+                         blurred_.data(),
+                         blurred_hidden_.data(),
+                         tile.shade(y) + columns.first,
+                         hatch_.data() + phase,
+                         dashes ? dash_count : 0.0f,
+                         static_cast<float>(columns.first) - middle_x,
+                         static_cast<float>(y) - middle_y};
     const tile::RowOut out{luma_.data() + here, alpha_.data() + here, visible_ink_[odd].data(),
                            xray_ink_[odd].data()};
     kernels_->compose(look, in, out, count);

@@ -80,7 +80,7 @@ class TileCompositor {
   std::vector<uint8_t> mask_, hidden_, columns_;
   std::vector<uint16_t> column_sums_;
   std::vector<Columns> covered_;  ///< of each row of the tile
-  std::vector<uint8_t> blurred_, blurred_hidden_, dash_, hatch_;
+  std::vector<uint8_t> blurred_, blurred_hidden_, hatch_;
   std::array<std::vector<uint8_t>, 2> visible_ink_, xray_ink_;
   std::vector<uint8_t> luma_, alpha_, u_, v_, chroma_alpha_;
 };

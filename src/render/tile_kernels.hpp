@@ -41,8 +41,10 @@ struct RowIn {
   const uint8_t* blurred;         ///< 0..kInside
   const uint8_t* blurred_hidden;  ///< 0..kInside
   const uint8_t* shade;
-  const uint8_t* dash;   ///< 255 where a dash is on, else 0
   const uint8_t* hatch;  ///< fill alpha of the hidden part
+  /// Dashes by direction from the tile's middle (diamond angle), so many to a turn; 0: none.
+  float dashes;
+  float first_dx, dy;  ///< of the row's first pixel, from the middle
 };
 
 /// Premultiplied luma, total alpha, and the share of each hue in it.
@@ -76,8 +78,6 @@ struct Kernels {
   void (*blur_down)(const std::array<const uint8_t*, 7>& rows, uint16_t* out, int n);
   /// Along the row: `in` has three more values at either end.
   void (*blur_along)(const uint16_t* in, uint8_t* out, int n);
-  /// Dashes by direction from the tile's middle (diamond angle), `dashes` to a turn.
-  void (*dash)(float first_dx, float dy, float dashes, uint8_t* out, int n);
   void (*compose)(const Look& look, const RowIn& in, const RowOut& out, int n);
   /// Halves two rows: n chroma samples.
   void (*chroma)(const ChromaIn& in, uint8_t* u, uint8_t* v, uint8_t* alpha, int n);

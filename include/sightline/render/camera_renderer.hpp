@@ -18,6 +18,7 @@
 
 namespace sightline {
 
+class MeshLevels;
 class RayTable;
 struct RenderMesh;
 class StaticDepth;
@@ -28,12 +29,16 @@ struct OverlayObject {
   std::string name;                        ///< UTF-8, for the label
   std::shared_ptr<const RenderMesh> mesh;  ///< shared by all cameras
   OverlayStyle style;
+  /// Of the same mesh, shared by all cameras; null: the mesh is drawn as it is.
+  std::shared_ptr<const MeshLevels> levels = nullptr;
 };
 
 struct RenderOptions {
   RasterChoice backend = RasterChoice::kAuto;
   /// TrueType or OpenType file; empty: DejaVu Sans where Debian's fonts-dejavu-core puts it.
   std::filesystem::path font_file;
+  /// Coarser levels of a mesh are drawn where no pixel of it moves by more than this; 0: never.
+  double detail_px = 0.25;
   /// The scene hides the object where it is nearer by more than this share of the range ...
   double depth_tolerance = 0.01;
   /// ... plus so many standard deviations of the object's position.
