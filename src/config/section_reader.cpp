@@ -18,7 +18,9 @@ std::optional<Rgb> parse_color(std::string_view text) {
 }
 
 // Switches with a key of their own, because they are not marks but occasions to draw.
-bool has_own_key(std::string_view style) { return style == "last_seen" || style == "status"; }
+bool has_own_key(std::string_view style) {
+  return style == "last_seen" || style == "status" || style == "hidden_lines";
+}
 
 bool is_element_name(const std::string& name) {
   return !name.empty() && name.size() <= 64 && std::all_of(name.begin(), name.end(), [](char c) {

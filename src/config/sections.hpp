@@ -100,6 +100,7 @@ void visit(Visitor& v, OverlayStyle& s) {
   v.styles("styles", s);
   v.flag("last_seen", s.last_seen);
   v.flag("status", s.status);
+  v.flag("hidden_lines", s.hidden_lines);
   v.color("color", s.color);
   v.color("degraded_color", s.degraded_color);
   v.color("coasting_color", s.coasting_color);
@@ -109,6 +110,7 @@ void visit(Visitor& v, OverlayStyle& s) {
   v.number("outline_width_px", s.outline_px, 2, 4, "a width in pixels");
   v.number("line_width_px", s.line_px, 2, 8, "a width in pixels");
   v.integer("font_px", s.font_px, 8, 64, "a whole number of pixels");
+  v.number("ellipse_sigmas", s.ellipse_sigmas, 0.5, 10, "a number of standard deviations");
   v.number("trail_seconds", s.trail_seconds, 0, 3, "a time in seconds");
 }
 

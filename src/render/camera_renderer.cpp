@@ -68,6 +68,7 @@ Status check_style(const OverlayObject& object, const std::string& camera) {
   if (!in_range(style.outline_px, 2, 4)) return refuse("outline width", "2 to 4 px");
   if (!in_range(style.line_px, 2, 8)) return refuse("line width", "2 to 8 px");
   if (!in_range(style.font_px, 8, 64)) return refuse("font size", "8 to 64 px");
+  if (!in_range(style.ellipse_sigmas, 0.5, 10)) return refuse("ellipse", "0.5 to 10 sigmas");
   if (!in_range(style.trail_seconds, 0, 3600)) return refuse("trail", "0 to 3600 seconds");
   return {};
 }
@@ -223,9 +224,8 @@ class CameraRenderer::Impl {
         object.levels == nullptr
             ? *object.mesh
             : object.levels->choose(*rays_, camera_from_object, options_.detail_px);
-    const double margin = options_.depth_tolerance + options_.depth_tolerance_sigmas *
-                                                         estimate.sigma_translation() /
-                                                         std::max(center.z(), 1e-3);
+    const float factor = hide_factor(options_.depth_tolerance, options_.depth_tolerance_sigmas,
+                                     estimate.sigma_translation(), center.z());
     return {object,
             mesh,
             estimate,
@@ -233,7 +233,7 @@ class CameraRenderer::Impl {
             center,
             {to_yuv(hue), to_yuv(style.xray_color), style.line_px,
              estimate.state == TrackState::kCoasting},
-            static_cast<float>(1 + margin),
+            factor,
             fonts_[i]};
   }
 
@@ -302,6 +302,24 @@ class CameraRenderer::Impl {
       draw_with_halo(subject.look);
     }
     if (style.axes) draw_axes(subject);
+    if (style.ellipse || style.cross) draw_center(subject);
+  }
+
+  void draw_center(const Subject& subject) {
+    const OverlayStyle& style = subject.object.style;
+    const auto pixel = camera_.model.project(subject.center);
+    if (!pixel) return;
+    const draw::Point center = pixel->cast<float>();
+    if (style.ellipse) {
+      const auto spread = marks::pixel_covariance(camera_.model, subject.camera_from_object,
+                                                  subject.estimate.pose_covariance(),
+                                                  subject.object.mesh->center.cast<double>());
+      if (spread) {
+        marks::draw_ellipse(surface_->canvas, center, *spread, style.ellipse_sigmas, subject.look,
+                            points_);
+      }
+    }
+    if (style.cross) marks::draw_cross(surface_->canvas, center, 8, subject.look);
   }
 
   void draw_with_halo(const marks::Look& look) {
@@ -310,13 +328,18 @@ class CameraRenderer::Impl {
     }
   }
 
-  /// Feature edges that the object itself does not hide.
+  /// Feature edges; those that the object itself hides are left out or dashed.
   void draw_wireframe(const Subject& subject) {
     edges_.clear();
     visible_edges(*rays_, subject.mesh, subject.camera_from_object, tile_, edges_);
     pieces_.clear();
     for (const EdgeSegment& edge : edges_) {
-      if (edge.visible) add_seen_edge(edge);
+      if (edge.visible) {
+        add_seen_edge(edge);
+      } else if (subject.object.style.hidden_lines) {
+        pieces_.segments.push_back(edge);
+        pieces_.flags.push_back(uint8_t{marks::kTurnedAway});
+      }
     }
     marks::draw_pieces(surface_->canvas, pieces_, subject.look, false, points_);
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "marks.hpp"
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -124,6 +125,56 @@ void draw_box2d(const draw::Canvas& canvas, const draw::Point& low, const draw::
   const draw::Pen pen = pen_of(look, false);
   draw::polyline(canvas, corners, halo_of(pen), look.dash());
   draw::polyline(canvas, corners, pen, look.dash());
+}
+
+void draw_cross(const draw::Canvas& canvas, const draw::Point& center, float arm_px,
+                const Look& look) {
+  const draw::Pen pen = pen_of(look, false);
+  const std::array<draw::Point, 4> directions = {draw::Point(1, 0), draw::Point(-1, 0),
+                                                 draw::Point(0, 1), draw::Point(0, -1)};
+  for (const draw::Pen& each : {halo_of(pen), pen}) {
+    for (const draw::Point& direction : directions)
+      draw::line(canvas, center + 0.3f * arm_px * direction, center + arm_px * direction, each);
+  }
+}
+
+std::optional<Eigen::Matrix2d> pixel_covariance(const CameraModel& model,
+                                                const Rigid3& camera_from_object,
+                                                const Eigen::Matrix<double, 6, 6>& covariance,
+                                                const Eigen::Vector3d& point_in_object) {
+  Eigen::Matrix<double, 2, 3> projection;
+  if (!model.project(camera_from_object * point_in_object, &projection)) return std::nullopt;
+  // T * exp(w, v) moves the point by R (w x p + v).
+  Eigen::Matrix3d cross;
+  const Eigen::Vector3d& p = point_in_object;
+  cross << 0, -p.z(), p.y(), p.z(), 0, -p.x(), -p.y(), p.x(), 0;
+  Eigen::Matrix<double, 3, 6> motion;
+  motion << -cross, Eigen::Matrix3d::Identity();
+  const Eigen::Matrix<double, 2, 6> jacobian =
+      projection * camera_from_object.rotation_matrix() * motion;
+  return Eigen::Matrix2d(jacobian * covariance * jacobian.transpose());
+}
+
+void draw_ellipse(const draw::Canvas& canvas, const draw::Point& center,
+                  const Eigen::Matrix2d& covariance, double sigmas, const Look& look,
+                  Points& points) {
+  constexpr double kShortest = 1.5;
+  constexpr int kPoints = 48;
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver;
+  solver.computeDirect(covariance);
+  const Eigen::Vector2d half =
+      (sigmas * solver.eigenvalues().cwiseMax(0).cwiseSqrt()).cwiseMax(kShortest);
+  if (!half.allFinite() || half.maxCoeff() > 1e5) return;
+  const Eigen::Matrix2d axes = solver.eigenvectors() * half.asDiagonal();
+  points.clear();
+  for (int i = 0; i <= kPoints; ++i) {
+    const double angle = 2 * std::numbers::pi * i / kPoints;
+    const Eigen::Vector2d offset = axes * Eigen::Vector2d(std::cos(angle), std::sin(angle));
+    points.push_back(center + offset.cast<float>());
+  }
+  const draw::Pen pen = pen_of(look, false);
+  draw::polyline(canvas, points, halo_of(pen), look.dash());
+  draw::polyline(canvas, points, pen, look.dash());
 }
 
 Arrow offscreen_arrow(const CameraModel& model, const Eigen::Vector3d& center_in_camera,

@@ -80,6 +80,24 @@ void draw_circle(const draw::Canvas& canvas, const Circle& circle, const Look& l
 void draw_box2d(const draw::Canvas& canvas, const draw::Point& low, const draw::Point& high,
                 const Look& look);
 
+/// Upright cross of two lines, `arm_px` to each side, open in the middle so that what it marks is
+/// seen.
+void draw_cross(const draw::Canvas& canvas, const draw::Point& center, float arm_px,
+                const Look& look);
+
+/// Covariance [px^2] of the picture of a point of the object [m], by the pose's covariance (tangent
+/// rotation, translation on the object's side) through the projection's Jacobian. Empty if the
+/// point does not project.
+std::optional<Eigen::Matrix2d> pixel_covariance(const CameraModel& model,
+                                                const Rigid3& camera_from_object,
+                                                const Eigen::Matrix<double, 6, 6>& covariance,
+                                                const Eigen::Vector3d& point_in_object);
+
+/// The ellipse of `sigmas` standard deviations, no half axis shorter than a pixel and a half.
+void draw_ellipse(const draw::Canvas& canvas, const draw::Point& center,
+                  const Eigen::Matrix2d& covariance, double sigmas, const Look& look,
+                  Points& points);
+
 /// Where the arrow of an object outside the picture points, and where it sits.
 struct Arrow {
   draw::Point tip;

@@ -11,14 +11,15 @@ namespace {
 
 using Flag = bool OverlayStyle::*;
 
-constexpr std::array<std::string_view, 12> kNames = {"circle", "box2d",     "box3d",     "outline",
-                                                     "fill",   "wireframe", "axes",      "label",
-                                                     "trail",  "offscreen", "last_seen", "status"};
+constexpr std::array<std::string_view, 15> kNames = {
+    "circle",  "box2d", "box3d", "outline",   "fill",      "wireframe", "axes",        "cross",
+    "ellipse", "label", "trail", "offscreen", "last_seen", "status",    "hidden_lines"};
 constexpr std::array<Flag, kNames.size()> kFlags = {
-    &OverlayStyle::circle,    &OverlayStyle::box2d,     &OverlayStyle::box3d,
-    &OverlayStyle::outline,   &OverlayStyle::fill,      &OverlayStyle::wireframe,
-    &OverlayStyle::axes,      &OverlayStyle::label,     &OverlayStyle::trail,
-    &OverlayStyle::offscreen, &OverlayStyle::last_seen, &OverlayStyle::status};
+    &OverlayStyle::circle,    &OverlayStyle::box2d,  &OverlayStyle::box3d,
+    &OverlayStyle::outline,   &OverlayStyle::fill,   &OverlayStyle::wireframe,
+    &OverlayStyle::axes,      &OverlayStyle::cross,  &OverlayStyle::ellipse,
+    &OverlayStyle::label,     &OverlayStyle::trail,  &OverlayStyle::offscreen,
+    &OverlayStyle::last_seen, &OverlayStyle::status, &OverlayStyle::hidden_lines};
 
 }  // namespace
 

@@ -34,6 +34,10 @@ constexpr float kDashPeriod = 12;
 
 }  // namespace
 
+float hide_factor(double tolerance, double sigmas, double sigma_translation, double depth) {
+  return static_cast<float>(1 + tolerance + sigmas * sigma_translation / std::max(depth, 1e-3));
+}
+
 TileCompositor::TileCompositor(int frame_width, int frame_height)
     : frame_width_(frame_width), frame_height_(frame_height), kernels_(&tile::kernels()) {}
 
@@ -272,6 +276,13 @@ OverlayTileView TileCompositor::compose(const RasterTile& tile, const TilePaint&
   };
   return {rect_.x + part.x, rect_.y + part.y, full(luma_),           quarter(u_),
           quarter(v_),      full(alpha_),     quarter(chroma_alpha_)};
+}
+
+TileCompositor::PixelClass TileCompositor::pixel_class(int x, int y) const {
+  if (inner_.empty() || !rect_.contains(x, y)) return PixelClass::kEmpty;
+  const size_t i = at(x - rect_.x, y - rect_.y);
+  if (mask_[i] == 0) return PixelClass::kEmpty;
+  return hidden_[i] != 0 ? PixelClass::kHidden : PixelClass::kVisible;
 }
 
 bool TileCompositor::hidden_near(int x, int y) const {

@@ -22,6 +22,11 @@ struct TilePaint {
   bool dashed = false;     ///< outline in dashes everywhere, not only behind the scene
 };
 
+/// The scene hides what has 1/z smaller than its own by this factor. The tolerance is a share of
+/// the range and so many standard deviations of the object's position, so that the border between
+/// seen and hidden keeps still while the pose is uncertain.
+float hide_factor(double tolerance, double sigmas, double sigma_translation, double depth);
+
 /// What the tile shows, in frame pixels.
 struct TileCoverage {
   TileRect bounds;      ///< of the covered pixels, exact (not made even); empty if none
@@ -44,6 +49,10 @@ class TileCompositor {
 
   /// Paints the tile classified last. The view is valid until the next call.
   OverlayTileView compose(const RasterTile& tile, const TilePaint& paint);
+
+  /// Of a frame pixel, in the tile classified last.
+  enum class PixelClass : uint8_t { kEmpty, kVisible, kHidden };
+  PixelClass pixel_class(int x, int y) const;
 
   bool any_hidden() const { return coverage_.hidden; }
   /// True if the scene hides the object at this frame pixel or one beside it (of the tile

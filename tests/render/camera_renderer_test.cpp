@@ -6,7 +6,9 @@
 #include <cmath>
 #include <limits>
 
+#include "marks.hpp"
 #include "overlay_scene.hpp"
+#include "render_support.hpp"
 #include "test_pictures.hpp"
 
 namespace sightline {
@@ -505,6 +507,80 @@ TEST(CameraRenderer, RefusesWhatDoesNotFit) {
   EXPECT_NE(
       create(scene.rays, nullptr, scene.mesh, only({"label"}), no_font).find("/nowhere/a.ttf"),
       std::string::npos);
+}
+
+/// Against many poses drawn from the covariance itself.
+TEST(Ellipse, CovarianceIsThatOfSampledPoses) {
+  const OverlayScene scene;
+  const Rigid3 pose = pose_at(0.1, -0.05, 0.8);
+  const Eigen::Vector3d point(0.03, -0.02, 0.01);
+  Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
+  covariance.diagonal() << 4e-5, 1e-5, 2e-5, 1e-6, 4e-6, 9e-6;
+  const auto predicted = marks::pixel_covariance(scene.camera.model, pose, covariance, point);
+  ASSERT_TRUE(predicted.has_value());
+  Dice dice(9);
+  const auto normal = [&] {
+    double sum = -6;
+    for (int i = 0; i < 12; ++i) sum += dice.uniform(0, 1);
+    return sum;
+  };
+  Eigen::Matrix2d sampled = Eigen::Matrix2d::Zero();
+  const Eigen::Vector2d mean = *scene.camera.model.project(pose * point);
+  constexpr int kSamples = 20'000;
+  for (int i = 0; i < kSamples; ++i) {
+    Vector6 d;
+    for (int k = 0; k < 6; ++k) d[k] = std::sqrt(covariance(k, k)) * normal();
+    const Eigen::Vector2d off = *scene.camera.model.project(pose * Rigid3::exp(d) * point) - mean;
+    sampled += off * off.transpose() / kSamples;
+  }
+  EXPECT_LT((sampled - *predicted).norm(), 0.04 * predicted->norm());
+}
+
+TEST(Ellipse, GrowsWithTheUncertaintyAndStaysVisible) {
+  const OverlayScene scene;
+  const Rigid3 pose = pose_at(0, 0, 0.8);
+  const auto width = [&](double sigma) {
+    PoseEstimate estimate = estimate_at(pose, TrackState::kTracking);
+    estimate.covariance.setZero();
+    estimate.covariance.diagonal().segment<3>(3).setConstant(sigma * sigma);
+    const auto changed = Drawn(scene, only({"ellipse"}), track_of({estimate})).changed();
+    int low = 1 << 20, high = 0;
+    for (const auto& [x, y] : changed) {
+      low = std::min(low, x);
+      high = std::max(high, x);
+    }
+    return high - low;
+  };
+  EXPECT_GE(width(0), 3);
+  EXPECT_LE(width(0), 12);
+  // Two sigmas to either side, at 0.9 * 320 / 0.8 px to a metre.
+  EXPECT_NEAR(width(0.05), 4 * 0.05 * 360, 10);
+}
+
+TEST(Cross, MarksTheCentreAndLeavesItOpen) {
+  const OverlayScene scene;
+  const Rigid3 pose = pose_at(0, 0, 0.8);
+  const Drawn drawn(scene, only({"cross"}), pose);
+  const Eigen::Vector2d center =
+      *scene.camera.model.project(pose * scene.mesh->center.cast<double>());
+  ASSERT_FALSE(drawn.changed().empty());
+  for (const auto& [x, y] : drawn.changed()) {
+    const double away = std::hypot(x - center.x(), y - center.y());
+    EXPECT_LT(away, 12);
+    EXPECT_GT(away, 1);
+  }
+}
+
+TEST(Wireframe, HiddenLinesAreDashedIfAsked) {
+  const OverlayScene scene;
+  const Rigid3 pose = pose_at(0, 0, 0.8);
+  OverlayStyle style = only({"wireframe"});
+  const size_t without = Drawn(scene, style, pose).changed().size();
+  style.hidden_lines = true;
+  const size_t with = Drawn(scene, style, pose).changed().size();
+  // A box turned so: nine edges are seen, three are not.
+  EXPECT_GT(with, without + without / 10);
+  EXPECT_LT(with, 2 * without);
 }
 
 }  // namespace
