@@ -1,18 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a frame of 1280x720 costs from the camera's bytes to I420, by format.
+// What a frame of 1280x720 costs: the decoders and conversions alone, by format, and (source/...)
+// the whole way from poll() on the driver to I420, without what the kernel does.
 #include <benchmark/benchmark.h>
 #include <turbojpeg.h>
 
+#include <algorithm>
+#include <chrono>
 #include <cstdlib>
 #include <random>
 #include <vector>
 
 #include "bayer_decoder.hpp"
+#include "capture/device_tree.hpp"
+#include "capture/scripted_v4l2.hpp"
 #include "genicam_formats.hpp"
 #include "genicam_picture.hpp"
 #include "mjpeg_decoder.hpp"
 #include "sightline/image/convert.hpp"
 #include "sightline/image/picture.hpp"
+#include "v4l2_formats.hpp"
+#include "v4l2_open.hpp"
 
 namespace sightline {
 namespace {
@@ -47,20 +54,26 @@ void bayer(benchmark::State& state, BayerPacking packing) {
   }
 }
 
-void mjpeg(benchmark::State& state, int sampling) {
-  const auto rgb = content(size_t{kWidth} * kHeight * 3);
+std::vector<uint8_t> jpeg_of(const std::vector<uint8_t>& rgb, int sampling) {
   const tjhandle turbo = tjInitCompress();
   unsigned char* jpeg = nullptr;
   unsigned long size = 0;
   tjCompress2(turbo, rgb.data(), kWidth, 0, kHeight, TJPF_RGB, &jpeg, &size, sampling, 80, 0);
+  std::vector<uint8_t> bytes(jpeg, jpeg + size);
+  tjFree(jpeg);
+  tjDestroy(turbo);
+  return bytes;
+}
+
+void mjpeg(benchmark::State& state, int sampling) {
+  const auto rgb = content(size_t{kWidth} * kHeight * 3);
+  const auto jpeg = jpeg_of(rgb, sampling);
   MjpegDecoder decoder;
   Picture picture(kWidth, kHeight);
   for (auto _ : state) {
-    if (!decoder.decode({jpeg, size}, picture.mutable_view())) std::abort();
+    if (!decoder.decode(jpeg, picture.mutable_view())) std::abort();
   }
-  state.counters["bytes"] = static_cast<double>(size);
-  tjFree(jpeg);
-  tjDestroy(turbo);
+  state.counters["bytes"] = static_cast<double>(jpeg.size());
 }
 
 // GigE Vision and USB3 Vision: what these formats add (unpacking) included.
@@ -72,6 +85,37 @@ void genicam(benchmark::State& state, const char* name) {
   for (auto _ : state) {
     const FramePtr frame = picture.frame(info, bytes, nullptr);
     benchmark::DoNotOptimize(frame->i420().y.data);
+  }
+}
+
+// The driver is a script whose buffers are full from the start, so that its work costs nothing.
+void source(benchmark::State& state, const char* name) {
+  const V4l2Format& format = *find_v4l2_format(std::string_view(name));
+  const auto device = std::make_shared<test::ScriptedV4l2>();
+  device->modes = {{format.fourcc, kWidth, kHeight, {30}}};
+  test::DeviceTree tree;
+  tree.add(0, "Bench");
+  V4l2Options options;
+  options.device = tree.dev("video0");
+  options.format = name;
+  const auto opened = open_v4l2_source_in(options, CameraId(0), "bench", tree.places(), device);
+  if (!opened) {
+    state.SkipWithError(opened.error().message().c_str());
+    return;
+  }
+  auto picture = content(size_t{kWidth} * kHeight * 3);
+  if (format.kind == V4l2Kind::kMjpeg) picture = jpeg_of(picture, TJSAMP_422);
+  const size_t bytes = std::min<size_t>(picture.size(), device->format().sizeimage);
+  for (size_t i = 0; i < device->buffers(); ++i) {
+    std::copy_n(picture.begin(), bytes, device->memory(i));
+  }
+  test::ScriptedV4l2::Shot shot;
+  shot.change = [bytes](v4l2_buffer& buffer) { buffer.bytesused = static_cast<uint32_t>(bytes); };
+  for (auto _ : state) {
+    device->send(shot);
+    const auto step = (*opened)->next({}, std::chrono::seconds(1));
+    if (!step || !step->frame) std::abort();
+    benchmark::DoNotOptimize(step->frame->i420().y.data);
   }
 }
 
@@ -93,6 +137,26 @@ BENCHMARK_CAPTURE(genicam, bayerrg8, "BayerRG8");
 BENCHMARK_CAPTURE(genicam, bayerrg12p, "BayerRG12p");
 BENCHMARK_CAPTURE(mjpeg, mjpeg_420, TJSAMP_420);
 BENCHMARK_CAPTURE(mjpeg, mjpeg_422, TJSAMP_422);
+
+#define SOURCE(format) BENCHMARK_CAPTURE(source, format, #format)
+SOURCE(YUYV);
+SOURCE(UYVY);
+SOURCE(NV12);
+SOURCE(YUV420);
+SOURCE(GREY);
+SOURCE(Y10);
+SOURCE(Y12);
+SOURCE(Y16);
+SOURCE(RGB24);
+SOURCE(BGR24);
+SOURCE(SRGGB8);
+SOURCE(SRGGB10);
+SOURCE(SRGGB12);
+SOURCE(SRGGB16);
+SOURCE(SRGGB10P);
+SOURCE(SRGGB12P);
+SOURCE(MJPEG);
+#undef SOURCE
 
 }  // namespace
 }  // namespace sightline

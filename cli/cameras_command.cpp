@@ -164,7 +164,8 @@ int cameras(const CamerasOptions& options) {
   }
   const Listing listing = list_all();
   if (options.json) {
-    fmt::print("{}\n", json_of(listing).dump(2));
+    // What devices call themselves need not be UTF-8.
+    fmt::print("{}\n", json_of(listing).dump(2, ' ', false, Json::error_handler_t::replace));
   } else {
     print_table(listing);
   }

@@ -70,8 +70,10 @@ Result<std::unique_ptr<FiducialObserver>> make_observer(const Installation& inst
   for (const RigObject& object : rig.objects) {
     objects.push_back({object.named.id, object.description});
   }
-  return FiducialObserver::create(config_of(installation, camera).calibration, camera,
-                                  std::move(objects), installation.observe);
+  const CameraConfig& config = config_of(installation, camera);
+  FiducialOptions options = installation.observe;
+  options.gamma = config.gamma;
+  return FiducialObserver::create(config.calibration, camera, std::move(objects), options);
 }
 
 Result<std::unique_ptr<FreeView>> make_view(const Installation& installation, const Rig& rig,

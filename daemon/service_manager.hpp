@@ -8,7 +8,8 @@
 
 namespace sightline {
 
-/// Words to systemd (sd_notify). Without systemd every call does nothing.
+/// Words to systemd (the protocol of sd_notify). Without systemd every call does nothing; if nobody
+/// reads them, each gives up after a fifth of a second.
 class ServiceManager {
  public:
   void ready(const std::string& status) const;

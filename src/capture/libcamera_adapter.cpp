@@ -328,7 +328,7 @@ std::vector<const V4l2Format*> formats_of(const StreamConfiguration& stream) {
   std::vector<const V4l2Format*> formats;
   for (const auto& pixels : stream.formats().pixelformats()) {
     const V4l2Format* const format = find_libcamera_format(pixels.toString());
-    if (format != nullptr && format->kind != V4l2Kind::kUnsupported) formats.push_back(format);
+    if (format != nullptr && format->kind != V4l2Kind::kH264) formats.push_back(format);
   }
   return formats;
 }
@@ -545,7 +545,7 @@ DeviceInfo describe(Camera& camera) {
     const auto& offered = configuration->at(0).formats();
     for (const auto& pixels : offered.pixelformats()) {
       const V4l2Format* const format = find_libcamera_format(pixels.toString());
-      if (format == nullptr || format->kind == V4l2Kind::kUnsupported) continue;
+      if (format == nullptr || format->kind == V4l2Kind::kH264) continue;
       for (const auto& size : offered.sizes(pixels)) {
         const FormatInfo mode{std::string(format->name), static_cast<int>(size.width),
                               static_cast<int>(size.height), rates};

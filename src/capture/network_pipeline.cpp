@@ -5,6 +5,8 @@
 
 #include <algorithm>
 
+#include "gst_start.hpp"
+
 namespace sightline {
 namespace {
 
@@ -18,17 +20,6 @@ constexpr const char* kRtspLine =
 constexpr const char* kHttpLine =
     "souphttpsrc name=source is-live=true do-timestamp=true ! multipartdemux single-stream=true ! "
     "jpegparse ! appsink name=sink sync=false max-buffers=1 drop=true";
-
-Status start_gstreamer() {
-  static const Status status = []() -> Status {
-    GError* raw = nullptr;
-    if (gst_init_check(nullptr, nullptr, &raw)) return {};
-    const GstRef<GError> error(raw);
-    return make_error(ErrorCode::kUnavailable, "gstreamer", "GStreamer does not start: {}",
-                      error ? error->message : "no reason given");
-  }();
-  return status;
-}
 
 void set_text(GstElement* element, const char* property, const std::string& value) {
   if (g_object_class_find_property(G_OBJECT_GET_CLASS(element), property)) {
@@ -83,7 +74,7 @@ std::string advice_for(const GError& error) {
 Result<std::unique_ptr<NetworkPipeline>> NetworkPipeline::start(const NetworkUrl& url,
                                                                 const NetworkOptions& options,
                                                                 const std::string& name) {
-  SL_RETURN_IF_ERROR(start_gstreamer());
+  SL_RETURN_IF_ERROR(start_gstreamer_for_capture());
   std::unique_ptr<NetworkPipeline> made(new NetworkPipeline(url, name));
   SL_RETURN_IF_ERROR(made->build(options));
   { const GstCall handed_over(made.get()); }

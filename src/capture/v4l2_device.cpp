@@ -95,7 +95,6 @@ Result<const V4l2Format*> choose_format(const V4l2Device& device,
   std::vector<std::pair<const V4l2Format*, double>> able;
   double reach = 0;
   for (const V4l2Format& format : v4l2_formats()) {
-    if (format.kind == V4l2Kind::kUnsupported) continue;
     for (const V4l2Mode& mode : modes) {
       if (mode.fourcc != format.fourcc || !mode.has_size(width, height)) continue;
       // A rate that the driver does not tell is taken on trust.
@@ -120,11 +119,6 @@ Result<const V4l2Format*> named_format(const V4l2Device& device, const std::stri
     return make_error(ErrorCode::kInvalidInput, device.where(),
                       "unknown pixel format '{}'; {} ({}) has: {}", name, device.path(),
                       device.card(), list_of(v4l2_modes(device)));
-  }
-  if (format->kind == V4l2Kind::kUnsupported) {
-    return make_error(ErrorCode::kInvalidInput, device.where(),
-                      "{} from V4L2 cameras is not decoded here; choose another format or \"auto\"",
-                      format->name);
   }
   return format;
 }

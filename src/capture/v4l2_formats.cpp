@@ -58,7 +58,7 @@ constexpr std::array kFormats = {
     raw(V4L2_PIX_FMT_Y16, "Y16", PixelFormat::kY16),
     V4l2Format{V4L2_PIX_FMT_MJPEG, "MJPEG", V4l2Kind::kMjpeg, PixelFormat::kMjpeg},
     V4l2Format{V4L2_PIX_FMT_JPEG, "JPEG", V4l2Kind::kMjpeg, PixelFormat::kMjpeg},
-    V4l2Format{V4L2_PIX_FMT_H264, "H264", V4l2Kind::kUnsupported, PixelFormat::kH264},
+    V4l2Format{V4L2_PIX_FMT_H264, "H264", V4l2Kind::kH264, PixelFormat::kH264},
 };
 
 std::string upper(std::string_view text) {

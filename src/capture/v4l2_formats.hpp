@@ -12,13 +12,13 @@
 namespace sightline {
 
 /// How frames of a V4L2 format become pictures.
-enum class V4l2Kind : uint8_t { kRaw, kBayer, kMjpeg, kUnsupported };
+enum class V4l2Kind : uint8_t { kRaw, kBayer, kMjpeg, kH264 };
 
 struct V4l2Format {
   uint32_t fourcc;
   std::string_view name;  ///< V4L2's own, without V4L2_PIX_FMT_
   V4l2Kind kind;
-  PixelFormat pixels;  ///< kRaw, kMjpeg
+  PixelFormat pixels;  ///< kRaw, kMjpeg, kH264
   MosaicPattern pattern = MosaicPattern::kRggb;
   BayerPacking packing = BayerPacking::k8;
 };

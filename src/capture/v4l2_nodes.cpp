@@ -23,6 +23,10 @@ std::string line_of(const fs::path& file) {
   std::string line;
   std::getline(stream, line);
   while (!line.empty() && (line.back() == ' ' || line.back() == '\n')) line.pop_back();
+  // The device's own words, which end up on terminals.
+  std::replace_if(
+      line.begin(), line.end(),
+      [](char c) { return static_cast<unsigned char>(c) < ' ' || c == 0x7f; }, '?');
   return line;
 }
 

@@ -11,6 +11,7 @@
 
 #include "bayer_decoder.hpp"
 #include "frame_stamps.hpp"
+#include "h264_decoder.hpp"
 #include "mjpeg_decoder.hpp"
 #include "sightline/base/log.hpp"
 #include "v4l2_device.hpp"
@@ -26,6 +27,8 @@ constexpr Duration kSlice = milliseconds(100);  // how soon a stop request is se
 constexpr size_t kLeastQueued = 2;              // one being filled, one to follow
 constexpr int kFewestBuffers = 4, kMostBuffers = 6;
 constexpr int kFirstFrameFactor = 5;
+constexpr Duration kDecoding = milliseconds(50);  // longest wait for the H.264 decoder
+constexpr uint64_t kInDecoder = 32;               // units whose picture may still come
 
 Duration period_of(double rate_hz) { return rate_hz > 0 ? from_seconds(1 / rate_hz) : Duration(0); }
 
@@ -49,7 +52,7 @@ class V4l2Source final : public FrameSource {
  public:
   V4l2Source(const V4l2Options& options, SourceInfo info, const V4l2StreamFormat& format,
              std::optional<Duration> exposure, std::shared_ptr<V4l2Ring> ring,
-             std::shared_ptr<V4l2System> system)
+             std::shared_ptr<V4l2System> system, std::unique_ptr<H264Decoder> h264)
       : info_(std::move(info)),
         format_(format),
         epoch_(options.epoch),
@@ -59,6 +62,7 @@ class V4l2Source final : public FrameSource {
         ring_(std::move(ring)),
         pool_(std::make_shared<PicturePool>(format.width, format.height)),
         stamps_(StampPoint::kEndOfFrame, period_of(format.rate_hz), exposure),
+        h264_(std::move(h264)),
         silent_after_(system_->now() + kFirstFrameFactor * deadline_) {
     if (format.format.kind == V4l2Kind::kMjpeg) mjpeg_.emplace();
     if (format.format.kind == V4l2Kind::kBayer) {
@@ -74,6 +78,8 @@ class V4l2Source final : public FrameSource {
 
  private:
   Result<FramePtr> take_frame(bool trouble);
+  Result<FramePtr> take_h264(const v4l2_buffer& filled, Time arrival);
+  Result<FramePtr> decoded_h264(Duration limit);
   Error stalled() const;
   bool is_damaged(const v4l2_buffer& filled) const;
   Result<FramePtr> frame_of(const v4l2_buffer& filled, Time arrival);
@@ -94,6 +100,10 @@ class V4l2Source final : public FrameSource {
   std::optional<BayerDecoder> bayer_;
   SequenceUnwrapper sequence_;
   StampMapper stamps_;
+  const std::unique_ptr<H264Decoder> h264_;
+  std::vector<FrameInfo> in_decoder_{kInDecoder};  // by number of the unit
+  uint64_t units_ = 0, decoded_ = 0;               // handed in, and last number that came out
+  bool began_ = false;                             // with a unit that needs no other
   Time silent_after_;
   uint64_t faulty_ = 0;  // since the last buffer without the error flag
 };
@@ -106,6 +116,10 @@ Result<SourceStep> V4l2Source::next(std::stop_token stop, Duration timeout) {
     if (now >= silent_after_) return stalled();
     const Duration limit =
         std::clamp<Duration>(std::min(until, silent_after_) - now, Duration(0), kSlice);
+    if (decoded_ < units_) {  // a picture that took its time
+      SL_ASSIGN(FramePtr late, decoded_h264(Duration(0)));
+      if (late) return SourceStep{SourceStep::Kind::kFrame, std::move(late)};
+    }
     const int events = ring_->poll(limit);
     if (events < 0) return ring_->device().error(V4l2Step::kCapture, events);
     if (events != 0) {
@@ -152,6 +166,7 @@ Result<FramePtr> V4l2Source::take_frame(bool trouble) {
   }
   faulty_ = 0;
   silent_after_ = arrival + deadline_;
+  if (h264_) return take_h264(*filled, arrival);
   auto frame = is_damaged(*filled) ? Result<FramePtr>(FramePtr()) : frame_of(*filled, arrival);
   if (!frame || !*frame) {
     if (!frame) log::debug("{}: {}", info_.name, frame.error().text);
@@ -161,6 +176,42 @@ Result<FramePtr> V4l2Source::take_frame(bool trouble) {
   }
   counters_->good.add();
   return frame;
+}
+
+// Hands the unit to the decoder and takes the picture that comes, most often of the same unit.
+Result<FramePtr> V4l2Source::take_h264(const v4l2_buffer& filled, Time arrival) {
+  const auto bytes = ring_->bytes(filled);
+  began_ = began_ || begins_h264(bytes);
+  Status pushed;
+  if (began_ && !bytes.empty()) {
+    ++units_;
+    in_decoder_[units_ % kInDecoder] = frame_info(filled, arrival);
+    pushed = h264_->push(bytes, units_);
+  }
+  ring_->give_back(filled.index);
+  SL_RETURN_IF_ERROR(pushed);
+  return began_ ? decoded_h264(kDecoding) : Result<FramePtr>(FramePtr());
+}
+
+// Units that were passed over in the decoder count as damaged, and as dropped before this frame.
+Result<FramePtr> V4l2Source::decoded_h264(Duration limit) {
+  auto picture = pool_->get();
+  SL_ASSIGN(const auto number, h264_->pull(limit, picture->mutable_view()));
+  if (!number || *number <= decoded_ || *number > units_ || units_ - *number >= kInDecoder) {
+    return FramePtr();
+  }
+  FrameInfo frame = in_decoder_[*number % kInDecoder];
+  for (uint64_t passed = decoded_ + 1; passed < *number; ++passed) {
+    frame.dropped_before += 1;
+    if (*number - passed < kInDecoder) {
+      frame.dropped_before += in_decoder_[passed % kInDecoder].dropped_before;
+    }
+    counters_->damaged.add();
+  }
+  decoded_ = *number;
+  counters_->good.add();
+  frame.format = PixelFormat::kI420;
+  return Frame::decoded(frame, std::move(picture), {}, pool_);
 }
 
 bool V4l2Source::is_damaged(const v4l2_buffer& filled) const {
@@ -250,13 +301,18 @@ Result<std::unique_ptr<FrameSource>> open_v4l2_source_in(const V4l2Options& opti
   SL_ASSIGN(const V4l2StreamFormat format, negotiate_v4l2(device, options));
   SL_RETURN_IF_ERROR(set_v4l2_controls(device, options.controls));
   const auto exposure = v4l2_exposure(device);
+  std::unique_ptr<H264Decoder> h264;
+  if (format.format.kind == V4l2Kind::kH264) {
+    SL_ASSIGN(h264, H264Decoder::create(format.width, format.height, name));
+  }
   const int buffers = std::clamp(options.buffers, kFewestBuffers, kMostBuffers);
   SL_ASSIGN(auto ring, V4l2Ring::start(std::move(device), buffers, format.image_bytes));
   log::info("{}: {} ({}) gives {} {}x{} at {:g}/s", name, node.path, node.card, format.format.name,
             format.width, format.height, format.rate_hz);
   SourceInfo info{camera, name, format.width, format.height, format.rate_hz};
-  return std::unique_ptr<FrameSource>(std::make_unique<V4l2Source>(
-      options, std::move(info), format, exposure, std::move(ring), std::move(system)));
+  return std::unique_ptr<FrameSource>(
+      std::make_unique<V4l2Source>(options, std::move(info), format, exposure, std::move(ring),
+                                   std::move(system), std::move(h264)));
 }
 
 Result<std::unique_ptr<FrameSource>> open_v4l2_source(const V4l2Options& options, CameraId camera,

@@ -97,7 +97,7 @@ bool same_camera(const CameraConfig& a, const CameraConfig& b) {
   return same_source(a, b) && a.recording == b.recording && a.recorded_as == b.recorded_as &&
          a.scene_depth == b.scene_depth && a.scene_depth_scale == b.scene_depth_scale &&
          a.scene_depth_content == b.scene_depth_content && a.loop == b.loop &&
-         a.rate_hz == b.rate_hz && a.role == b.role &&
+         a.rate_hz == b.rate_hz && a.role == b.role && a.gamma == b.gamma &&
          same_calibration(a.calibration, b.calibration);
 }
 

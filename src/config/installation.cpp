@@ -110,6 +110,9 @@ class InstallationReader {
     read_scene();
     read_views();
     section("observe", result_.observe);
+    for (CameraConfig& camera : result_.cameras) {
+      if (camera.gamma == 0) camera.gamma = result_.observe.gamma;
+    }
     section("detect", result_.detect);
     section("estimator", result_.estimator);
     read_servers();
@@ -253,6 +256,7 @@ void InstallationReader::read_camera(TomlTable table) {
   SectionReader reader(table, path_, files_);
   reader.number("rate", camera.rate_hz, 0.1, 1000, "a frame rate in Hz");
   reader.choice("role", camera.role, config::kRoles);
+  reader.number("gamma", camera.gamma, 0.2, 5, "an exponent");
   if (auto overlay = table.table("overlay")) {
     SectionReader overlay_reader(*overlay, path_, files_);
     config::visit(overlay_reader, camera.overlay);

@@ -137,6 +137,7 @@ void visit(Visitor& v, ViewConfig& s) {
 
 template <typename Visitor>
 void visit(Visitor& v, FiducialOptions& s) {
+  v.number("gamma", s.gamma, 0.2, 5, "an exponent");
   v.number_of("search_scale", s.search_scale, std::array{1.0, 0.5, 0.25});
   v.number("min_side_px", s.min_side_px, 4, 1000, "a length in pixels");
   v.integer("full_search_interval", s.full_search_interval, 1, 1000, "a whole number of frames");

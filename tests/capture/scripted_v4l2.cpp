@@ -256,7 +256,7 @@ int ScriptedV4l2::dequeue(v4l2_buffer& buffer) {
   const Shot shot = std::move(script_.front());
   script_.pop_front();
   buffer.index = waiting_.front();
-  waiting_.pop_front();
+  waiting_.erase(waiting_.begin());
   std::copy(shot.bytes.begin(), shot.bytes.end(), memory_[buffer.index].begin());
   sequence_ += shot.advance;
   const int64_t stamp = shot.stamp_ns == INT64_MIN ? to_ns(now_) - 1'000'000 : shot.stamp_ns;

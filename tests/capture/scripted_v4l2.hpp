@@ -100,7 +100,7 @@ class ScriptedV4l2 final : public V4l2System {
   v4l2_pix_format pix_{};
   uint32_t rate_hz_ = 25;
   std::vector<std::vector<uint8_t>> memory_;
-  std::deque<uint32_t> waiting_;
+  std::vector<uint32_t> waiting_;
   std::deque<Shot> script_;
   uint32_t sequence_ = UINT32_MAX;
   size_t mapped_ = 0;

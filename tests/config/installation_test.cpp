@@ -50,6 +50,7 @@ source = "aravis:192.168.0.3"
 format = "BayerRG8"
 exposure_us = 5000
 gain = 3
+gamma = 1
 trigger = "Action1"
 trigger_edge = "falling"
 trigger_delay_us = 20
@@ -111,6 +112,8 @@ group_key = 4294967295
   EXPECT_EQ(installation.action.command.address, "192.168.0.255");
   EXPECT_EQ(installation.action.command.keys.group_key, 0xFFFFFFFFu);
   EXPECT_TRUE(right.aravis.ptp);
+  EXPECT_EQ(right.gamma, 1);
+  EXPECT_EQ(left.gamma, installation.observe.gamma);
   const CameraConfig& side = installation.cameras[2];
   EXPECT_EQ(side.source, SourceKind::kNetwork);
   EXPECT_EQ(side.network.url, "rtsp://me:secret@10.0.0.7/live");
@@ -189,7 +192,8 @@ TEST(Installation, TheExamplesCommentedKeysAreTheDefaults) {
     const bool names_a_file =
         line.find("font_file") != std::string::npos || line.find("directory") != std::string::npos;
     // Their defaults follow the rig.
-    const bool is_a_place = line.starts_with("# eye") || line.starts_with("# target");
+    const bool is_a_place = line.starts_with("# eye") || line.starts_with("# target") ||
+                            line.starts_with("# nearest_m") || line.starts_with("# farthest_m");
     if (!names_a_file && !is_a_place && is_commented_key(line)) {
       line = line.substr(2);
       ++uncommented;

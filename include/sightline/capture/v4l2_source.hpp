@@ -47,8 +47,9 @@ struct V4l2Options {
 /// Opens a V4L2 camera, sets it up and starts streaming. Frames hold the driver's own buffers
 /// (mapped; also as DMA-BUF where the driver exports them), which go back when the last reference
 /// is dropped, from any thread; a reader that holds too many gets copies. Raw formats are converted
-/// on demand; MJPEG and Bayer frames come decoded, MJPEG with the compressed payload beside the
-/// picture. Capture times are the middle of the exposure, from the kernel's stamps, with a bound.
+/// on demand; MJPEG, H264 and Bayer frames come decoded, MJPEG with the compressed payload beside
+/// the picture. Capture times are the middle of the exposure, from the kernel's stamps, with a
+/// bound.
 ///
 /// Damaged frames are dropped and counted, gaps are reported in dropped_before. next() waits in
 /// slices of at most 100 ms, so a stop request is seen soon. Its errors say what happened
