@@ -72,7 +72,7 @@ Result<std::unique_ptr<FiducialObserver>> make_observer(const Installation& inst
   }
   const CameraConfig& config = config_of(installation, camera);
   FiducialOptions options = installation.observe;
-  options.gamma = config.gamma;
+  if (config.gamma > 0) options.gamma = config.gamma;
   return FiducialObserver::create(config.calibration, camera, std::move(objects), options);
 }
 

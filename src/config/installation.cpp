@@ -110,9 +110,6 @@ class InstallationReader {
     read_scene();
     read_views();
     section("observe", result_.observe);
-    for (CameraConfig& camera : result_.cameras) {
-      if (camera.gamma == 0) camera.gamma = result_.observe.gamma;
-    }
     section("detect", result_.detect);
     section("estimator", result_.estimator);
     read_servers();

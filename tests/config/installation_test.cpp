@@ -113,7 +113,7 @@ group_key = 4294967295
   EXPECT_EQ(installation.action.command.keys.group_key, 0xFFFFFFFFu);
   EXPECT_TRUE(right.aravis.ptp);
   EXPECT_EQ(right.gamma, 1);
-  EXPECT_EQ(left.gamma, installation.observe.gamma);
+  EXPECT_EQ(left.gamma, 0) << "that of [observe]";
   const CameraConfig& side = installation.cameras[2];
   EXPECT_EQ(side.source, SourceKind::kNetwork);
   EXPECT_EQ(side.network.url, "rtsp://me:secret@10.0.0.7/live");

@@ -50,7 +50,7 @@ struct CameraConfig {
   bool loop = true;                 ///< play it again and again
   double rate_hz = 0;               ///< nominal, for the encoder; 0: what the source says
   CameraRole role = CameraRole::kObserveAndStream;
-  double gamma = 0;              ///< FiducialOptions::gamma of this camera; [observe]'s by default
+  double gamma = 0;              ///< FiducialOptions::gamma of this camera; 0: that of [observe]
   CalibratedCamera calibration;  ///< lens, size and place
   OverlayStyle overlay;          ///< [overlay] with this camera's own changes
   /// Depth image of the static scene as this camera sees it; empty: none.
