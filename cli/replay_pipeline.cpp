@@ -96,7 +96,7 @@ Status ReplayPipeline::add_camera(const Installation& installation, const Record
   camera.id = CameraId(static_cast<uint32_t>(config - configs.begin()));
   camera.name = config->name;
   if (observes(config->role)) {
-    SL_ASSIGN(camera.observer, make_observer(installation, rig_, camera.id));
+    SL_ASSIGN(camera.observer, CameraObserver::create(installation, rig_, camera.id));
   }
   const bool drawn = !outputs.video.empty() || !outputs.png.empty();
   if (drawn && streams(config->role)) {

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "camera_observer.hpp"
 #include "object_search.hpp"
 #include "point_collector.hpp"
 #include "rig.hpp"
@@ -58,7 +59,7 @@ class ReplayPipeline {
   struct Camera {
     CameraId id;
     std::string name;
-    std::unique_ptr<FiducialObserver> observer;
+    std::unique_ptr<CameraObserver> observer;
     std::unique_ptr<CameraRenderer> renderer;
     std::unique_ptr<OverlayVideoWriter> video;
     std::unique_ptr<PicturePool> pool;

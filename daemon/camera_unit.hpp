@@ -9,13 +9,13 @@
 #include <thread>
 
 #include "backoff.hpp"
+#include "camera_observer.hpp"
 #include "fusion_unit.hpp"
 #include "heartbeat.hpp"
 #include "sightline/base/counters.hpp"
 #include "sightline/base/latest_slot.hpp"
 #include "sightline/image/picture.hpp"
 #include "sightline/model/seams.hpp"
-#include "sightline/observe/fiducial_observer.hpp"
 #include "sightline/render/camera_renderer.hpp"
 #include "sightline/render/no_signal_card.hpp"
 #include "signal_watch.hpp"
@@ -33,7 +33,7 @@ struct CameraParts {
   double rate_hz = 0;  ///< nominal, if the source does not know; 0: unknown
   std::function<Result<std::unique_ptr<FrameSource>>()> open_source;
   bool reopen_when_stalled = true;  ///< a device that falls silent; false: a recording may pause
-  std::unique_ptr<FiducialObserver> observer;
+  std::unique_ptr<CameraObserver> observer;
   std::unique_ptr<CameraRenderer> renderer;
   std::unique_ptr<NoSignalCard> card;  ///< what the stream shows without signal; null: nothing
   std::shared_ptr<StreamOutput> output;

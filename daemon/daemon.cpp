@@ -84,7 +84,7 @@ Result<CameraParts> Daemon::prepare(const Installation& installation, const Rig&
   parts.reopen_when_stalled =
       config.source != SourceKind::kReplay && config.source != SourceKind::kAravis;
   if (observes(config.role)) {
-    SL_ASSIGN(parts.observer, make_observer(installation, rig, id));
+    SL_ASSIGN(parts.observer, CameraObserver::create(installation, rig, id));
   }
   if (options_.serve && installation.rtsp.enabled && streams(config.role)) {
     SL_ASSIGN(parts.renderer, make_renderer(installation, rig, id));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rig.hpp"
 
+#include "object_views.hpp"
 #include "sightline/record/still_picture.hpp"
 
 namespace sightline {
@@ -51,7 +52,11 @@ Result<Rig> load_rig(const Installation& installation) {
                            description,
                            shown,
                            std::make_shared<const MeshLevels>(shown),
-                           std::make_shared<const TriangleMesh>(std::move(mesh))});
+                           std::make_shared<const TriangleMesh>(std::move(mesh)),
+                           nullptr});
+    if (description.cues.look()) {
+      SL_ASSIGN(rig.objects.back().views, load_views(rig.objects.back(), cache_folder()));
+    }
   }
   for (const auto& path : installation.scene.meshes) {
     SL_ASSIGN(const TriangleMesh mesh, load_mesh(path, installation.scene.meters_per_unit));
@@ -69,6 +74,10 @@ Result<std::unique_ptr<FiducialObserver>> make_observer(const Installation& inst
   std::vector<ObservedObject> objects;
   for (const RigObject& object : rig.objects) {
     objects.push_back({object.named.id, object.description});
+    if (!object.description.cues.fiducial) {
+      objects.back().description.fiducials.clear();
+      objects.back().description.board.reset();
+    }
   }
   const CameraConfig& config = config_of(installation, camera);
   FiducialOptions options = installation.observe;
@@ -92,17 +101,41 @@ Result<std::unique_ptr<FreeView>> make_view(const Installation& installation, co
   return FreeView::create(view.view, std::move(cameras), std::move(objects), scene, options);
 }
 
+namespace {
+
+std::shared_ptr<const StaticDepth> static_depth(const Rig& rig, const CalibratedCamera& camera,
+                                                CameraId id,
+                                                const std::shared_ptr<const RayTable>& rays) {
+  const std::vector<float>& depth = rig.scene_depth.at(id.index());
+  if (rig.scene.empty() && depth.empty()) return nullptr;
+  std::vector<SceneMesh> meshes;
+  for (const RenderMesh& mesh : rig.scene) meshes.push_back({&mesh, Rigid3()});
+  return StaticDepth::build(rays, camera.world_from_camera, meshes, depth);
+}
+
+}  // namespace
+
+SceneDepth make_scene_depth(const Installation& installation, const Rig& rig, CameraId camera) {
+  const CalibratedCamera& calibration = config_of(installation, camera).calibration;
+  SceneDepth out;
+  if (rig.scene.empty() && rig.scene_depth.at(camera.index()).empty()) return out;
+  const auto depth = static_depth(rig, calibration, camera, RayTable::build(calibration.model));
+  if (!depth || depth->empty()) return out;
+  out.tile = {0,
+              0,
+              depth->width(),
+              depth->height(),
+              static_cast<ptrdiff_t>(depth->tile().stride()),
+              depth->row(0)};
+  out.owner = depth;
+  return out;
+}
+
 Result<std::unique_ptr<CameraRenderer>> make_renderer(const Installation& installation,
                                                       const Rig& rig, CameraId camera) {
   const CameraConfig& config = config_of(installation, camera);
   const auto rays = RayTable::build(config.calibration.model);
-  std::shared_ptr<const StaticDepth> scene;
-  const std::vector<float>& depth = rig.scene_depth.at(camera.index());
-  if (!rig.scene.empty() || !depth.empty()) {
-    std::vector<SceneMesh> meshes;
-    for (const RenderMesh& mesh : rig.scene) meshes.push_back({&mesh, Rigid3()});
-    scene = StaticDepth::build(rays, config.calibration.world_from_camera, meshes, depth);
-  }
+  const auto scene = static_depth(rig, config.calibration, camera, rays);
   std::vector<OverlayObject> objects;
   for (const RigObject& object : rig.objects) {
     objects.push_back(

@@ -9,6 +9,7 @@
 #include "sightline/geometry/mesh.hpp"
 #include "sightline/model/pose_track.hpp"
 #include "sightline/observe/fiducial_observer.hpp"
+#include "sightline/observe/object_tracker.hpp"
 #include "sightline/render/camera_renderer.hpp"
 #include "sightline/render/mesh_levels.hpp"
 #include "sightline/render/ray_table.hpp"
@@ -24,6 +25,7 @@ struct RigObject {
   std::shared_ptr<const RenderMesh> mesh;
   std::shared_ptr<const MeshLevels> levels;       ///< of it, for what is small in the picture
   std::shared_ptr<const TriangleMesh> triangles;  ///< the same, as read
+  std::shared_ptr<const ViewpointModel> views;    ///< null if its look is no cue
 };
 
 /// What all cameras share: the meshes of the objects and of the static scene. Immutable once
@@ -37,12 +39,15 @@ struct Rig {
   std::vector<NamedObject> names() const;
 };
 
-/// Reads every mesh and depth image that the installation names. Both programs start here.
+/// Reads every mesh and depth image that the installation names, and makes or fetches the viewpoint
+/// models. Both programs start here.
 Result<Rig> load_rig(const Installation& installation);
 
 /// The per-camera parts, made from the shared ones.
 Result<std::unique_ptr<FiducialObserver>> make_observer(const Installation& installation,
                                                         const Rig& rig, CameraId camera);
+/// What of the static scene this camera sees, for observe; empty without a scene.
+SceneDepth make_scene_depth(const Installation& installation, const Rig& rig, CameraId camera);
 Result<std::unique_ptr<CameraRenderer>> make_renderer(const Installation& installation,
                                                       const Rig& rig, CameraId camera);
 

@@ -20,6 +20,7 @@
 #include "sightline/model/object.hpp"
 #include "sightline/observe/fiducial_observer.hpp"
 #include "sightline/observe/object_detector.hpp"
+#include "sightline/observe/object_tracker.hpp"
 #include "sightline/record/writer.hpp"
 #include "sightline/render/camera_renderer.hpp"
 #include "sightline/render/free_view.hpp"
@@ -131,6 +132,7 @@ struct Installation {
   RenderOptions render;     ///< the parts of [overlay] that all cameras share
   FiducialOptions observe;  ///< [observe]
   DetectConfig detect;      ///< [detect]
+  TrackerOptions tracker;   ///< defaults
   EstimatorOptions estimator;
   RtspConfig rtsp;
   EncoderOptions encoder;  ///< bitrate_kbps, keyframe_interval, prefer; the rest is the camera's

@@ -31,6 +31,17 @@ struct CharucoBoard {
 
 enum class Symmetry : uint8_t { kNone, kAxis, kDiscrete };
 
+/// By what an object may be measured.
+struct Cues {
+  bool fiducial = true;  ///< markers and board that are on it
+  bool region = true;    ///< its outline, by colour
+  bool edge = true;      ///< its outline and creases, by brightness
+  bool texture = true;   ///< its print
+
+  /// Its own look, without markers.
+  bool look() const { return region || edge || texture; }
+};
+
 /// An object file (object.toml, DESIGN section 5), read and checked.
 struct ObjectDescription {
   std::string name;
@@ -42,6 +53,7 @@ struct ObjectDescription {
   int symmetry_order = 1;                                    ///< turns of 360/n deg, for kDiscrete
   std::vector<Fiducial> fiducials;
   std::optional<CharucoBoard> board;
+  Cues cues;
 };
 
 }  // namespace sightline

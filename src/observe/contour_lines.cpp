@@ -1,0 +1,257 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "contour_lines.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace sightline::observe {
+namespace {
+
+constexpr int kOffsets = 16;   // tried per line: -7.5 .. 7.5 segments
+constexpr int kSegments = 24;  // per line: -12 .. 12
+constexpr int kPhases = 8;     // of a sample between two offsets
+constexpr double kAmplitude = 0.40;
+constexpr double kSlope = 0.6;  // [segments]
+
+constexpr double kFrontTolerance = 0.01;  // share of the range by which a hider must be nearer
+constexpr double kHiderMargin = 3;        // [px]
+constexpr int kEvidenceReach = 8;         // [segments] beside the outline
+constexpr double kEvidenceGap = 1;        // [segments]
+
+// Factors 1 - 2 T(r - d) w need 2 T for every sample position and offset. Row `phase`, column q
+// holds 2 T((phase + 0.5) / kPhases + q_max - q), so that the offsets of one sample are contiguous.
+class StepTable {
+ public:
+  static constexpr int kReach = kSegments / 2 + kOffsets;
+  static constexpr int kRow = 2 * kReach + 1;
+  StepTable() {
+    for (int phase = 0; phase < kPhases; ++phase) {
+      for (int q = 0; q < kRow; ++q) {
+        const double x = (phase + 0.5) / kPhases + kReach - q;
+        values_[static_cast<size_t>(phase * kRow + q)] =
+            static_cast<float>(2 * kAmplitude * std::tanh(x / (2 * kSlope)));
+      }
+    }
+  }
+  // For a sample at r segments: entry j belongs to offset j - 7.5.
+  const float* row(float r) const {
+    const float u = r + 0.5f * (kOffsets - 1);
+    const float whole = std::floor(u);
+    const int phase = std::min(kPhases - 1, static_cast<int>((u - whole) * kPhases));
+    const int at = std::clamp(kReach - static_cast<int>(whole), 0, kRow - kOffsets);
+    return &values_[static_cast<size_t>(phase * kRow + at)];
+  }
+
+ private:
+  std::array<float, static_cast<size_t>(kPhases* kRow)> values_{};
+};
+
+const StepTable& step_table() {
+  static const StepTable table;
+  return table;
+}
+
+struct Samples {
+  std::array<float, kSegments> position;  // signed distance from the outline, segments
+  std::array<float, kSegments> evidence;
+  int count = 0;
+};
+
+// Evidence of several pixels as one: probabilities multiply.
+float combined(float a, float b) { return (a + b) / (1 + a * b); }
+
+void sample_fine(const ColorReader& frame, const float* evidence, const ContourLine& line, int from,
+                 int to, Samples& out) {
+  const auto nx = static_cast<float>(line.normal.x()), ny = static_cast<float>(line.normal.y());
+  const auto cx = static_cast<float>(line.center.x()), cy = static_cast<float>(line.center.y());
+  for (int k = from; k < to; ++k) {
+    const float r = static_cast<float>(k) + 0.5f;
+    const int x = static_cast<int>(cx + nx * r + 0.5f), y = static_cast<int>(cy + ny * r + 0.5f);
+    if (x < 0 || y < 0 || x >= frame.width() || y >= frame.height()) continue;
+    const auto i = static_cast<size_t>(out.count++);
+    // Where the pixel is, not where it was asked for.
+    out.position[i] = nx * (static_cast<float>(x) - cx) + ny * (static_cast<float>(y) - cy);
+    out.evidence[i] = evidence[frame.bin(x, y)];
+  }
+}
+
+void sample_coarse(const ColorReader& frame, const float* evidence, const ContourLine& line,
+                   int scale, int from, int to, Samples& out) {
+  constexpr float kSure = 0.98f;
+  const auto nx = static_cast<float>(line.normal.x()), ny = static_cast<float>(line.normal.y());
+  const auto cx = static_cast<float>(line.center.x()), cy = static_cast<float>(line.center.y());
+  for (int k = from; k < to; ++k) {
+    float sum = 0;
+    bool any = false;
+    for (int j = 0; j < scale; ++j) {
+      const float r = static_cast<float>(k * scale + j) + 0.5f;
+      const int x = static_cast<int>(cx + nx * r + 0.5f), y = static_cast<int>(cy + ny * r + 0.5f);
+      if (x < 0 || y < 0 || x >= frame.width() || y >= frame.height()) continue;
+      const float w = std::clamp(evidence[frame.bin(x, y)], -kSure, kSure);
+      sum = std::clamp(combined(sum, w), -kSure, kSure);
+      any = true;
+    }
+    if (!any) continue;
+    const auto i = static_cast<size_t>(out.count++);
+    out.position[i] = static_cast<float>(k) + 0.5f;
+    out.evidence[i] = sum;
+  }
+}
+
+void posterior(const Samples& samples, ContourLine& line, int scale) {
+  const StepTable& table = step_table();
+  std::array<float, kOffsets> p;
+  p.fill(1.0f);
+  for (int i = 0; i < samples.count; ++i) {
+    const float* step = table.row(samples.position[static_cast<size_t>(i)]);
+    const float w = samples.evidence[static_cast<size_t>(i)];
+    for (size_t j = 0; j < kOffsets; ++j) p[j] *= 1.0f - step[j] * w;
+  }
+  float sum = 0, first = 0, second = 0;
+  for (size_t j = 0; j < kOffsets; ++j) {
+    const float d = static_cast<float>(j) - 0.5f * (kOffsets - 1);
+    sum += p[j];
+    first += p[j] * d;
+    second += p[j] * d * d;
+  }
+  if (!(sum > 0)) return;
+  const float mean = first / sum;
+  const float variance = std::max(0.0f, second / sum - mean * mean) + 1.0f / 12.0f;
+  line.mean = static_cast<double>(mean) * scale;
+  line.variance = static_cast<double>(variance) * scale * scale;
+  line.measured = true;
+}
+
+void evidence_beside(const Samples& samples, ContourLine& line) {
+  float inside = 0, outside = 0;
+  int inner = 0, outer = 0;
+  for (size_t i = 0; i < static_cast<size_t>(samples.count); ++i) {
+    const float r = samples.position[i];
+    if (std::abs(r) < static_cast<float>(kEvidenceGap) ||
+        std::abs(r) > static_cast<float>(kEvidenceReach)) {
+      continue;
+    }
+    if (r < 0) {
+      inside += samples.evidence[i];
+      ++inner;
+    } else {
+      outside += samples.evidence[i];
+      ++outer;
+    }
+  }
+  line.inside_evidence = inner > 0 ? inside / static_cast<float>(inner) : 0.0f;
+  line.outside_evidence = outer > 0 ? outside / static_cast<float>(outer) : 0.0f;
+}
+
+bool inside_picture(const CameraModel& camera, const Eigen::Vector2d& pixel, double margin) {
+  return pixel.x() >= margin && pixel.y() >= margin && pixel.x() <= camera.width() - 1 - margin &&
+         pixel.y() <= camera.height() - 1 - margin;
+}
+
+}  // namespace
+
+bool Hiders::hide(const Eigen::Vector2d& pixel, const Eigen::Vector3d& point_in_camera) const {
+  if (scene.width > 0) {
+    const double limit = (1 + kFrontTolerance) / point_in_camera.z();
+    for (const double dx : {-kHiderMargin, 0.0, kHiderMargin}) {
+      for (const double dy : {-kHiderMargin, 0.0, kHiderMargin}) {
+        const int x = static_cast<int>(std::lround(pixel.x() + dx));
+        const int y = static_cast<int>(std::lround(pixel.y() + dy));
+        if (static_cast<double>(scene.at(x, y)) > limit) return true;
+      }
+    }
+  }
+  const double range = point_in_camera.norm();
+  for (const HidingSphere& sphere : spheres) {
+    const double distance = sphere.center_in_camera.norm();
+    if (distance - sphere.radius > range || distance <= sphere.radius) continue;
+    const double cosine = sphere.center_in_camera.dot(point_in_camera) / (distance * range);
+    if (std::acos(std::clamp(cosine, -1.0, 1.0)) < std::asin(sphere.radius / distance)) return true;
+  }
+  return false;
+}
+
+double Hiders::free_way(const ContourLine& line, double range, int sign, double reach_px) const {
+  if (scene.width <= 0) return reach_px;
+  constexpr double kStep = 3, kFarthest = 24;  // [px]
+  const double limit = (1 + kFrontTolerance) / range;
+  for (double r = kStep; r < std::min(reach_px, kFarthest) + kStep; r += kStep) {
+    const Eigen::Vector2d at = line.center + sign * r * line.normal;
+    const int x = static_cast<int>(std::lround(at.x())), y = static_cast<int>(std::lround(at.y()));
+    if (static_cast<double>(scene.at(x, y)) > limit) return std::min(reach_px, r - kStep);
+  }
+  return reach_px;
+}
+
+void place_lines(const View& view, const CameraModel& camera, const Rigid3& camera_from_object,
+                 const Hiders& hiders, double margin_px, std::vector<ContourLine>& out) {
+  const LineProjector projector(camera, camera_from_object);
+  out.clear();
+  for (const ContourSample& sample : view.contour) {
+    const Eigen::Vector3d point = sample.point.cast<double>();
+    const Eigen::Vector3d in_camera = projector.in_camera(point);
+    Eigen::Matrix<double, 2, 3> pixel_by_point;
+    const auto pixel = camera.project(in_camera, &pixel_by_point);
+    if (!pixel || !inside_picture(camera, *pixel, margin_px)) continue;
+    const Eigen::Vector2d across =
+        pixel_by_point * (projector.rotation() * sample.normal.cast<double>());
+    const double px_per_meter = across.norm();
+    if (!(px_per_meter > 1e-9) || hiders.hide(*pixel, in_camera)) continue;
+    ContourLine& line = out.emplace_back();
+    line.point_in_object = point;
+    line.center = *pixel;
+    line.normal = across / px_per_meter;
+    line.by_pose = projector.derivative(point, line.normal, pixel_by_point);
+    line.inside_px = hiders.free_way(line, in_camera.z(), -1,
+                                     static_cast<double>(sample.foreground) * px_per_meter);
+    line.outside_px = hiders.free_way(line, in_camera.z(), 1,
+                                      static_cast<double>(sample.background) * px_per_meter);
+  }
+}
+
+void measure_lines(const ColorReader& frame, const SideAppearance& colors, int scale,
+                   std::span<ContourLine> lines) {
+  constexpr double kFewestSegments = 2;
+  Samples samples;
+  for (ContourLine& line : lines) {
+    line.measured = false;
+    const double inside = line.inside_px / scale, outside = line.outside_px / scale;
+    if (std::min(inside, outside) < kFewestSegments) continue;
+    samples.count = 0;
+    const int from = -static_cast<int>(std::min(inside, 0.5 * kSegments));
+    const int to = static_cast<int>(std::min(outside, 0.5 * kSegments));
+    if (scale == 1) {
+      sample_fine(frame, colors.evidence(), line, from, to, samples);
+    } else {
+      sample_coarse(frame, colors.evidence(), line, scale, from, to, samples);
+    }
+    posterior(samples, line, scale);
+    evidence_beside(samples, line);
+  }
+}
+
+void collect_colors(const ColorReader& frame, std::span<const ContourLine> lines, double gap_px,
+                    double reach_px, std::vector<uint16_t>& foreground,
+                    std::vector<uint16_t>& background) {
+  foreground.clear();
+  background.clear();
+  for (const ContourLine& line : lines) {
+    const auto read = [&](double r, std::vector<uint16_t>& to) {
+      const int x = static_cast<int>(std::lround(line.center.x() + r * line.normal.x()));
+      const int y = static_cast<int>(std::lround(line.center.y() + r * line.normal.y()));
+      if (x < 0 || y < 0 || x >= frame.width() || y >= frame.height()) return;
+      to.push_back(frame.bin(x, y));
+    };
+    // Half of the free way belongs to this side of the silhouette beyond doubt: the pose may be
+    // off.
+    for (double r = gap_px; r < std::min(reach_px, line.inside_px - gap_px); ++r) {
+      read(-r, foreground);
+    }
+    for (double r = gap_px; r < std::min(reach_px, line.outside_px - gap_px); ++r) {
+      read(r, background);
+    }
+  }
+}
+
+}  // namespace sightline::observe

@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sightline/observe/object_tracker.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "object_look.hpp"
+#include "sightline/base/check.hpp"
+
+namespace sightline {
+namespace {
+
+using observe::HidingSphere;
+using observe::LookAt;
+using observe::LookCamera;
+using observe::ObjectLook;
+
+// Colours are learned only if the estimate of that frame lies where they were read.
+constexpr double kSameOutlinePx = 2.0;
+
+Status require(bool good, const char* name, const char* range) {
+  if (good) return {};
+  return make_error(ErrorCode::kInvalidInput, "tracker", "option {} must be {}", name, range);
+}
+
+Status check(const TrackerOptions& o) {
+  const auto share = [](double v) { return v >= 0 && v < 1; };
+  SL_RETURN_IF_ERROR(require(o.region_floor_px > 0, "region_floor_px", "positive"));
+  SL_RETURN_IF_ERROR(require(o.edge_floor_px > 0, "edge_floor_px", "positive"));
+  SL_RETURN_IF_ERROR(require(o.huber > 0, "huber", "positive"));
+  SL_RETURN_IF_ERROR(require(o.gamma > 0.2 && o.gamma < 5, "gamma", "between 0.2 and 5"));
+  SL_RETURN_IF_ERROR(require(o.region_correlation_px > 0, "region_correlation_px", "positive"));
+  SL_RETURN_IF_ERROR(require(o.edge_correlation_px > 0, "edge_correlation_px", "positive"));
+  SL_RETURN_IF_ERROR(
+      require(o.learning_rate > 0 && o.learning_rate <= 1, "learning_rate", "above 0, at most 1"));
+  SL_RETURN_IF_ERROR(require(o.min_lines >= 6, "min_lines", "6 or more"));
+  SL_RETURN_IF_ERROR(require(share(o.min_line_share), "min_line_share", "from 0 to below 1"));
+  return require(share(o.min_evidence), "min_evidence", "from 0 to below 1");
+}
+
+Observation nothing_seen(const Frame& frame, CameraId camera, ObjectId object) {
+  const FrameInfo& info = frame.info();
+  Observation out;
+  out.object = object;
+  out.camera = camera;
+  out.epoch = info.epoch;
+  out.sequence = info.sequence;
+  out.capture = info.capture;
+  out.capture_error = info.capture_error;
+  return out;
+}
+
+}  // namespace
+
+class ObjectTracker::Impl {
+ public:
+  Impl(const CalibratedCamera& camera, CameraId id, std::vector<TrackedObject> objects,
+       const TrackerOptions& options, SceneDepth scene)
+      : id_(id),
+        camera_{std::make_shared<const CalibratedCamera>(camera),
+                camera.world_from_camera.inverse(), options, std::move(scene),
+                observe::LightTable(options.gamma)} {
+    for (TrackedObject& object : objects) {
+      ids_.push_back(object.id);
+      states_.push_back(std::make_unique<State>(camera_, std::move(object)));
+    }
+  }
+
+  std::span<const ObjectId> objects() const { return ids_; }
+  const Look& last_look(size_t index) const { return states_.at(index)->last; }
+  void step(const Frame& frame, std::span<const PoseTrackPtr> tracks,
+            std::vector<Observation>& out);
+  Observation propose(const Frame& frame, ObjectId object, const Rigid3& pose,
+                      const Matrix6& covariance);
+
+ private:
+  struct State {
+    State(const LookCamera& camera, TrackedObject object) : look(camera, std::move(object)) {}
+    ObjectLook look;
+    Look last;
+    // Colours of the newest frame, until its estimate is known.
+    bool pending = false;
+    Time pending_capture{};
+    size_t pending_side = 0;
+    std::vector<uint16_t> foreground, background;
+  };
+
+  bool usable(const Frame& frame) const {
+    const CameraModel& model = camera_.camera->model;
+    return frame.info().status == FrameStatus::kGood && frame.info().width == model.width() &&
+           frame.info().height == model.height();
+  }
+  bool learn_pending(State& state, const PoseTrack& track);
+  void gather_hiders(ObjectId object, Time time, std::span<const PoseTrackPtr> tracks);
+
+  CameraId id_;
+  LookCamera camera_;
+  std::vector<ObjectId> ids_;
+  std::vector<std::unique_ptr<State>> states_;
+  std::vector<HidingSphere> spheres_;
+};
+
+bool ObjectTracker::Impl::learn_pending(State& state, const PoseTrack& track) {
+  if (!std::exchange(state.pending, false)) return false;
+  const PoseAt at = track.at(state.pending_capture);
+  if (at.source != PoseSource::kEstimated || at.estimate.state != TrackState::kTracking ||
+      (at.estimate.cameras & camera_bit(id_)) == 0) {
+    return false;
+  }
+  if (state.look.outline_distance(at.estimate.world_from_object) > kSameOutlinePx) return false;
+  return state.look.appearance().learn(state.pending_side, state.foreground, state.background,
+                                       static_cast<float>(camera_.options.learning_rate));
+}
+
+void ObjectTracker::Impl::gather_hiders(ObjectId object, Time time,
+                                        std::span<const PoseTrackPtr> tracks) {
+  spheres_.clear();
+  for (const auto& state : states_) {
+    const TrackedObject& other = state->look.object();
+    if (other.id == object) continue;
+    for (const PoseTrackPtr& track : tracks) {
+      if (!track || track->object() != other.id || track->empty()) continue;
+      const PoseAt at = track->at(time);
+      if (at.source == PoseSource::kNone) continue;
+      spheres_.push_back(
+          {camera_.camera_from_world * (at.estimate.world_from_object * other.views->center()),
+           other.views->radius()});
+    }
+  }
+}
+
+void ObjectTracker::Impl::step(const Frame& frame, std::span<const PoseTrackPtr> tracks,
+                               std::vector<Observation>& out) {
+  if (!usable(frame)) return;
+  const Time capture = frame.info().capture;
+  for (auto& owned : states_) {
+    State& state = *owned;
+    state.last = {};
+    const ObjectId object = state.look.object().id;
+    Observation& observation = out.emplace_back(nothing_seen(frame, id_, object));
+    const auto track = std::find_if(tracks.begin(), tracks.end(), [object](const PoseTrackPtr& t) {
+      return t && t->object() == object;
+    });
+    if (track == tracks.end() || (*track)->empty()) continue;
+    const bool learned = learn_pending(state, **track);
+    const PoseAt at = (*track)->at(capture);
+    if (at.source == PoseSource::kNone || !has_pose(at.estimate.state)) continue;
+    gather_hiders(object, capture, tracks);
+    state.look.measure(frame, {at.estimate.world_from_object, at.estimate.pose_covariance()}, false,
+                       spheres_, observation.terms);
+    state.last = state.look.look();
+    state.last.learned = learned;
+    if (!state.last.seen) continue;
+    state.look.collect(frame, state.foreground, state.background);
+    state.pending = true;
+    state.pending_capture = capture;
+    state.pending_side = state.look.side();
+  }
+}
+
+Observation ObjectTracker::Impl::propose(const Frame& frame, ObjectId object, const Rigid3& pose,
+                                         const Matrix6& covariance) {
+  Observation out = nothing_seen(frame, id_, object);
+  const auto at = std::find(ids_.begin(), ids_.end(), object);
+  if (at == ids_.end() || !usable(frame)) return out;
+  State& state = *states_[static_cast<size_t>(at - ids_.begin())];
+  spheres_.clear();
+  state.look.measure(frame, {pose, covariance}, true, spheres_, out.terms);
+  state.last = state.look.look();
+  if (out.terms.empty()) return out;
+  double cost = 0;
+  for (const PoseTermPtr& term : out.terms) cost += term->linearize(pose).cost;
+  out.hypotheses.push_back({pose, cost});
+  return out;
+}
+
+Result<std::unique_ptr<ObjectTracker>> ObjectTracker::create(const CalibratedCamera& camera,
+                                                             CameraId id,
+                                                             std::vector<TrackedObject> objects,
+                                                             const TrackerOptions& options,
+                                                             SceneDepth scene) {
+  SL_RETURN_IF_ERROR(check(options));
+  std::erase_if(objects, [](const TrackedObject& object) { return !object.cues.look(); });
+  for (const TrackedObject& object : objects) {
+    SL_CHECK(object.views != nullptr, "a tracked object has a viewpoint model");
+  }
+  return std::unique_ptr<ObjectTracker>(new ObjectTracker(
+      std::make_unique<Impl>(camera, id, std::move(objects), options, std::move(scene))));
+}
+
+ObjectTracker::ObjectTracker(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+ObjectTracker::~ObjectTracker() = default;
+
+std::span<const ObjectId> ObjectTracker::objects() const { return impl_->objects(); }
+
+void ObjectTracker::step(const Frame& frame, std::span<const PoseTrackPtr> tracks,
+                         std::vector<Observation>& out) {
+  impl_->step(frame, tracks, out);
+}
+
+Observation ObjectTracker::propose(const Frame& frame, ObjectId object,
+                                   const Rigid3& world_from_object, const Matrix6& covariance) {
+  return impl_->propose(frame, object, world_from_object, covariance);
+}
+
+const ObjectTracker::Look& ObjectTracker::last_look(size_t index) const {
+  return impl_->last_look(index);
+}
+
+}  // namespace sightline
