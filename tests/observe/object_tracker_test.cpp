@@ -1,0 +1,312 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sightline/observe/object_tracker.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cstring>
+#include <numbers>
+
+#include "mesh_depth_renderer.hpp"
+#include "sightline/fuse/estimator.hpp"
+#include "support/allocations.hpp"
+#include "support/scene_rig.hpp"
+#include "support/scene_shapes.hpp"
+
+namespace sightline {
+namespace {
+
+using namespace std::chrono_literals;
+using test::SceneRig;
+using test::SceneRigOptions;
+using test::SceneShot;
+
+constexpr double kDeg = std::numbers::pi / 180;
+
+std::shared_ptr<const ViewpointModel> views_of(const TriangleMesh& mesh) {
+  const auto prepared = std::make_shared<const RenderMesh>(make_render_mesh(mesh));
+  ViewpointModelOptions options;
+  options.picture_px = 240;
+  auto made = ViewpointModel::build(mesh, mesh_depth_renderer_factory(prepared), options);
+  EXPECT_TRUE(made) << made.error().message();
+  return *made;
+}
+
+// Made once: it costs most of a second.
+const TriangleMesh& creature() {
+  static const TriangleMesh mesh = test::make_creature(3000);
+  return mesh;
+}
+std::shared_ptr<const ViewpointModel> creature_views() {
+  static const auto views = views_of(creature());
+  return views;
+}
+
+TrackedObject tracked(Cues cues = {false, true, true, true}) {
+  const auto mesh = std::make_shared<const RenderMesh>(make_render_mesh(creature()));
+  return {ObjectId(0), creature_views(), cues, mesh_depth_renderer_factory(mesh)};
+}
+
+SceneRigOptions options_of(Duration duration) {
+  SceneRigOptions options;
+  options.shape = std::make_shared<const test::RayMesh>(creature());
+  options.duration = duration;
+  test::SceneSteps steps;
+  options.path = test::smooth_path(steps, duration);
+  options.sensor.read_noise = 4;
+  return options;
+}
+
+/// Trackers of all cameras and one estimator, started next to the truth.
+class Tracking {
+ public:
+  explicit Tracking(const SceneRig& rig, const TrackedObject& object = tracked()) : rig_(rig) {
+    for (size_t i = 0; i < rig.cameras().size(); ++i) {
+      auto made =
+          ObjectTracker::create(rig.cameras()[i], CameraId(static_cast<uint32_t>(i)), {object});
+      EXPECT_TRUE(made) << made.error().message();
+      trackers.push_back(*std::move(made));
+    }
+    auto made = ObjectEstimator::create({}, ObjectId(0));
+    EXPECT_TRUE(made) << made.error().message();
+    estimator = std::make_unique<ObjectEstimator>(*std::move(made));
+  }
+
+  UpdateReport step(const std::vector<SceneShot>& set) {
+    std::vector<Observation> observations;
+    const PoseTrackPtr track = estimator->track();
+    for (const SceneShot& shot : set) {
+      const FramePtr frame = rig_.shoot(shot);
+      ObjectTracker& tracker = *trackers[static_cast<size_t>(shot.camera)];
+      if (started_) {
+        tracker.step(*frame, {&track, 1}, observations);
+        continue;
+      }
+      Vector6 off;
+      off << 0.03, -0.02, 0.02, 0.004, -0.003, 0.004;
+      Matrix6 covariance = Matrix6::Identity() * 0.03 * 0.03;
+      covariance.diagonal().tail<3>().setConstant(0.005 * 0.005);
+      observations.push_back(tracker.propose(
+          *frame, ObjectId(0), rig_.truth(shot.true_capture) * Rigid3::exp(off), covariance));
+    }
+    started_ = true;
+    return estimator->process(observations);
+  }
+
+  std::vector<std::unique_ptr<ObjectTracker>> trackers;
+  std::unique_ptr<ObjectEstimator> estimator;
+
+ private:
+  const SceneRig& rig_;
+  bool started_ = false;
+};
+
+struct Errors {
+  std::vector<double> mm, deg;
+  void add(const Rigid3& truth, const Rigid3& pose) {
+    mm.push_back(1e3 * translation_distance(truth, pose));
+    deg.push_back(rotation_angle(truth, pose) / kDeg);
+  }
+  static double median(std::vector<double> v) {
+    std::nth_element(v.begin(), v.begin() + static_cast<ptrdiff_t>(v.size() / 2), v.end());
+    return v[v.size() / 2];
+  }
+  static double worst(const std::vector<double>& v) {
+    return *std::max_element(v.begin(), v.end());
+  }
+};
+
+TEST(ObjectTracker, TwoCamerasHoldAPlainObjectInClutter) {
+  const SceneRig rig(options_of(1s));
+  Tracking tracking(rig);
+  Errors errors;
+  int frames = 0, sure = 0;
+  for (const auto& set : rig.sets()) {
+    const UpdateReport report = tracking.step(set);
+    const Rigid3 truth = rig.truth(set.front().true_capture);
+    ASSERT_TRUE(has_pose(report.estimate.state));
+    if (++frames <= 3) continue;
+    errors.add(truth, report.estimate.world_from_object);
+    sure += report.estimate.state == TrackState::kTracking ? 1 : 0;
+  }
+  EXPECT_LT(Errors::median(errors.mm), 0.6);
+  EXPECT_LT(Errors::median(errors.deg), 0.8);
+  EXPECT_LT(Errors::worst(errors.mm), 3);
+  EXPECT_LT(Errors::worst(errors.deg), 4);
+  EXPECT_GE(sure, frames - 6);
+}
+
+TEST(ObjectTracker, ComesBackFromAPoorPrediction) {
+  SceneRigOptions options = options_of(100ms);
+  options.azimuths_deg = {0};
+  const SceneRig rig(options);
+  const SceneShot shot = rig.shots().front();
+  const FramePtr frame = rig.shoot(shot);
+  const Rigid3 truth = rig.truth(shot.true_capture);
+  auto tracker = ObjectTracker::create(rig.cameras()[0], CameraId(0), {tracked()});
+  ASSERT_TRUE(tracker);
+  int found = 0, tried = 0;
+  for (int axis = 0; axis < 6; ++axis) {
+    for (const double sign : {-1.0, 1.0}) {
+      Vector6 off = Vector6::Zero();
+      off[axis] = sign * (axis < 3 ? 8 * kDeg : 0.012);
+      Matrix6 covariance = Matrix6::Identity() * std::pow(6 * kDeg, 2);
+      covariance.diagonal().tail<3>().setConstant(0.01 * 0.01);
+      Rigid3 pose = truth * Rigid3::exp(off);
+      for (int round = 0; round < 4; ++round) {
+        const Observation seen = (*tracker)->propose(*frame, ObjectId(0), pose, covariance);
+        if (seen.terms.empty()) break;
+        Matrix6 system = covariance.inverse();
+        Vector6 slope = Vector6::Zero();
+        for (const PoseTermPtr& term : seen.terms) {
+          const LinearizedTerm at = term->linearize(pose);
+          system += at.information;
+          slope += at.gradient;
+        }
+        pose = pose * Rigid3::exp(-system.ldlt().solve(slope));
+      }
+      ++tried;
+      // One camera knows little of depth.
+      found += translation_distance(truth, pose) < 0.006 && rotation_angle(truth, pose) < 4 * kDeg;
+    }
+  }
+  EXPECT_GE(found, tried - 2);
+}
+
+TEST(ObjectTracker, ACoveredCameraSaysNothingAndLearnsNothing) {
+  SceneRigOptions options = options_of(1500ms);
+  options.cards.push_back({1, 600ms, 1000ms, 50ms, 1.0});
+  const SceneRig rig(options);
+  Tracking tracking(rig);
+  int hidden_looks = 0, claims = 0, learned = 0;
+  double worst_mm = 0;
+  for (const auto& set : rig.sets()) {
+    const UpdateReport report = tracking.step(set);
+    const Duration since = set.front().true_capture - options.start;
+    const Rigid3 truth = rig.truth(set.front().true_capture);
+    if (since < 200ms) continue;
+    worst_mm =
+        std::max(worst_mm, 1e3 * translation_distance(truth, report.estimate.world_from_object));
+    if (since <= 610ms || since >= 1000ms) continue;
+    ++hidden_looks;
+    const auto& look = tracking.trackers[1]->last_look(0);
+    claims += look.seen ? 1 : 0;
+    learned += since > 650ms && look.learned ? 1 : 0;
+  }
+  EXPECT_GT(hidden_looks, 8);
+  EXPECT_EQ(claims, 0);
+  EXPECT_EQ(learned, 0);
+  EXPECT_LT(worst_mm, 6);
+  EXPECT_TRUE(tracking.trackers[1]->last_look(0).seen) << "does not come back";
+}
+
+TEST(ObjectTracker, HiddenFromAllIsCoastingWithinOneFrame) {
+  SceneRigOptions options = options_of(1s);
+  options.cards.push_back({-1, 500ms, 800ms, 0ms, 1.0});
+  const SceneRig rig(options);
+  Tracking tracking(rig);
+  for (const auto& set : rig.sets()) {
+    const UpdateReport report = tracking.step(set);
+    const Duration since = set.front().true_capture - options.start;
+    if (since > 500ms && since < 800ms) {
+      EXPECT_EQ(report.estimate.state, TrackState::kCoasting);
+    }
+  }
+}
+
+TEST(ObjectTracker, TwoRunsAreTheSameToTheLastBit) {
+  const SceneRig rig(options_of(300ms));
+  std::vector<std::vector<double>> runs(2);
+  for (auto& run : runs) {
+    Tracking tracking(rig);
+    for (const auto& set : rig.sets()) {
+      const Rigid3 pose = tracking.step(set).estimate.world_from_object;
+      run.insert(run.end(), {pose.translation.x(), pose.translation.y(), pose.translation.z(),
+                             pose.rotation.x(), pose.rotation.y(), pose.rotation.z()});
+    }
+  }
+  ASSERT_EQ(runs[0].size(), runs[1].size());
+  EXPECT_EQ(std::memcmp(runs[0].data(), runs[1].data(), runs[0].size() * sizeof(double)), 0);
+}
+
+TEST(ObjectTracker, AllocatesOnlyWhatItHandsOut) {
+  const SceneRig rig(options_of(700ms));
+  Tracking tracking(rig);
+  size_t worst = 0;
+  int frames = 0;
+  std::vector<Observation> out;
+  out.reserve(4);
+  for (const auto& set : rig.sets()) {
+    const PoseTrackPtr track = tracking.estimator->track();
+    if (++frames > 15) {
+      const FramePtr frame = rig.shoot(set[0]);
+      frame->i420();
+      out.clear();
+      const size_t before = test::allocations();
+      tracking.trackers[0]->step(*frame, {&track, 1}, out);
+      worst = std::max(worst, test::allocations() - before);
+    }
+    tracking.step(set);
+  }
+  // Per term: itself with its counts, and its matches; and the list of terms as it grows.
+  EXPECT_LE(worst, 10u);
+}
+
+TEST(ObjectTracker, ALostObjectYieldsAnEmptyObservation) {
+  const SceneRig rig(options_of(100ms));
+  auto tracker = ObjectTracker::create(rig.cameras()[0], CameraId(0), {tracked()});
+  ASSERT_TRUE(tracker);
+  std::vector<Observation> out;
+  const FramePtr frame = rig.shoot(rig.shots().front());
+  (*tracker)->step(*frame, {}, out);
+  ASSERT_EQ(out.size(), 1u);
+  EXPECT_TRUE(out[0].terms.empty());
+  EXPECT_EQ(out[0].capture, frame->info().capture);
+}
+
+TEST(ObjectTracker, TheSceneHidesLines) {
+  SceneRigOptions options = options_of(100ms);
+  options.azimuths_deg = {0};
+  const SceneRig rig(options);
+  const SceneShot shot = rig.shots().front();
+  const FramePtr frame = rig.shoot(shot);
+  const CalibratedCamera& camera = rig.cameras()[0];
+  const Rigid3 truth = rig.truth(shot.true_capture);
+  const auto middle = camera.model.project(camera.world_from_camera.inverse() * truth.translation);
+  ASSERT_TRUE(middle);
+  // A wall right before the camera, left of the object's middle.
+  const int width = camera.model.width(), height = camera.model.height();
+  auto wall = std::make_shared<std::vector<float>>(static_cast<size_t>(width * height), 0.0f);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < static_cast<int>(middle->x()); ++x) {
+      (*wall)[static_cast<size_t>(y * width + x)] = 4.0f;
+    }
+  }
+  const SceneDepth scene{{0, 0, width, height, width, wall->data()}, wall};
+  const Matrix6 covariance = Matrix6::Identity() * 1e-5;
+  auto open = ObjectTracker::create(camera, CameraId(0), {tracked()});
+  auto walled = ObjectTracker::create(camera, CameraId(0), {tracked()}, {}, scene);
+  ASSERT_TRUE(open && walled);
+  (*open)->propose(*frame, ObjectId(0), truth, covariance);
+  const Observation seen = (*walled)->propose(*frame, ObjectId(0), truth, covariance);
+  EXPECT_LT((*walled)->last_look(0).lines_total, (*open)->last_look(0).lines_total * 2 / 3);
+  for (const PoseTermPtr& term : seen.terms) {
+    const auto* lines = dynamic_cast<const LineTerm*>(term.get());
+    if (lines == nullptr) continue;
+    for (const LineMatch& line : lines->lines()) EXPECT_GT(line.center.x(), middle->x());
+  }
+}
+
+TEST(ObjectTracker, RefusesImpossibleOptions) {
+  const SceneRig rig(options_of(50ms));
+  TrackerOptions options;
+  options.learning_rate = 0;
+  const auto made = ObjectTracker::create(rig.cameras()[0], CameraId(0), {tracked()}, options);
+  ASSERT_FALSE(made);
+  EXPECT_NE(made.error().text.find("learning_rate"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace sightline
