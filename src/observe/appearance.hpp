@@ -33,6 +33,7 @@ class ColorReader {
     return ColorBins::of(frame_.y.row(y)[x], frame_.u.data[chroma],
                          frame_.v.data[(y >> 1) * frame_.v.stride + (x >> 1)]);
   }
+  uint8_t level(int x, int y) const { return frame_.y.row(y)[x]; }
   int width() const { return frame_.width(); }
   int height() const { return frame_.height(); }
 

@@ -55,6 +55,7 @@ const StepTable& step_table() {
 struct Samples {
   std::array<float, kSegments> position;  // signed distance from the outline, segments
   std::array<float, kSegments> evidence;
+  std::array<float, kSegments> level;  // luma
   int count = 0;
 };
 
@@ -73,6 +74,7 @@ void sample_fine(const ColorReader& frame, const float* evidence, const ContourL
     // Where the pixel is, not where it was asked for.
     out.position[i] = nx * (static_cast<float>(x) - cx) + ny * (static_cast<float>(y) - cy);
     out.evidence[i] = evidence[frame.bin(x, y)];
+    out.level[i] = static_cast<float>(frame.level(x, y));
   }
 }
 
@@ -96,6 +98,7 @@ void sample_coarse(const ColorReader& frame, const float* evidence, const Contou
     const auto i = static_cast<size_t>(out.count++);
     out.position[i] = static_cast<float>(k) + 0.5f;
     out.evidence[i] = sum;
+    out.level[i] = 0;
   }
 }
 
@@ -124,7 +127,7 @@ void posterior(const Samples& samples, ContourLine& line, int scale) {
 }
 
 void evidence_beside(const Samples& samples, ContourLine& line) {
-  float inside = 0, outside = 0;
+  float inside = 0, outside = 0, in_level = 0, out_level = 0;
   int inner = 0, outer = 0;
   for (size_t i = 0; i < static_cast<size_t>(samples.count); ++i) {
     const float r = samples.position[i];
@@ -134,14 +137,18 @@ void evidence_beside(const Samples& samples, ContourLine& line) {
     }
     if (r < 0) {
       inside += samples.evidence[i];
+      in_level += samples.level[i];
       ++inner;
     } else {
       outside += samples.evidence[i];
+      out_level += samples.level[i];
       ++outer;
     }
   }
   line.inside_evidence = inner > 0 ? inside / static_cast<float>(inner) : 0.0f;
   line.outside_evidence = outer > 0 ? outside / static_cast<float>(outer) : 0.0f;
+  line.inside_level = inner > 0 ? in_level / static_cast<float>(inner) : 0.0f;
+  line.outside_level = outer > 0 ? out_level / static_cast<float>(outer) : 0.0f;
 }
 
 bool inside_picture(const CameraModel& camera, const Eigen::Vector2d& pixel, double margin) {
@@ -228,6 +235,24 @@ void measure_lines(const ColorReader& frame, const SideAppearance& colors, int s
     }
     posterior(samples, line, scale);
     evidence_beside(samples, line);
+  }
+}
+
+void correct_for_gamma(double gamma, double blur_px, std::span<ContourLine> lines) {
+  constexpr double kBlack = 16, kRange = 219, kDarkest = 0.02;
+  const auto light = [&](float level) {
+    return std::clamp((static_cast<double>(level) - kBlack) / kRange, kDarkest, 1.0);
+  };
+  for (ContourLine& line : lines) {
+    if (!line.measured || line.inside_level <= 0 || line.outside_level <= 0) continue;
+    const double in = light(line.inside_level), out = light(line.outside_level);
+    if (std::abs(in - out) < 0.02) continue;
+    const double a = std::pow(in, gamma), b = std::pow(out, gamma);
+    const double share = (std::pow(0.5 * (in + out), gamma) - b) / (a - b);
+    // Phi^-1 near a half; the outline was found where the light's share is `share`, that is
+    // outwards of the middle if it is below a half.
+    const double off = 2.5066 * (0.5 - share);
+    line.mean -= blur_px * off;
   }
 }
 

@@ -26,6 +26,8 @@ struct ContourLine {
   double variance = 0;  ///< of the posterior [px^2]
   /// Mean evidence (-1 .. 1) of the pixels inside and outside the placed outline.
   float inside_evidence = 0, outside_evidence = 0;
+  /// Mean luma there.
+  float inside_level = 0, outside_level = 0;
 };
 
 /// Another object, as a sphere that hides what is behind it.
@@ -60,6 +62,12 @@ void place_lines(const View& view, const CameraModel& camera, const Rigid3& came
 /// thinner than a segment allows is not measured.
 void measure_lines(const ColorReader& frame, const SideAppearance& colors, int scale,
                    std::span<ContourLine> lines);
+
+/// Moves the offsets of lines measured at scale 1 to where light, not level, is halfway between
+/// inside and outside: a blurred step from light b to a crosses the middle level at the share
+///     t = (((a^(1/g) + b^(1/g)) / 2)^g - b) / (a - b)
+/// of the light, which lies blur * Phi^-1(t) from its middle: bright things look too large.
+void correct_for_gamma(double gamma, double blur_px, std::span<ContourLine> lines);
 
 /// Bins of the pixels inside and outside, for learning: `gap_px` next to the outline is left out,
 /// then `reach_px` of either side where they belong to it beyond doubt.

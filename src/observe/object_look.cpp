@@ -30,6 +30,7 @@ constexpr double kEdgeAgrees = 1.0;     // [px]
 constexpr size_t kFewestEdges = 16;
 constexpr int kEdgeRounds = 2;          // of choosing the nearest step
 constexpr double kMaxEdgeNoise = 0.75;  // [px]
+constexpr double kOutlineReach = 2.0;   // [sigma of a line]
 constexpr double kMaxEdgeBias = 0.5;    // [px] between colour and brightness, median
 constexpr double kSamePixels = 0.5;     // share of an outline's pixels that its edges count for
 
@@ -116,6 +117,7 @@ void ObjectLook::fit_outline(const ColorReader& frame, double spread_px, bool fr
     }
   }
   measure_lines(frame, *colors_, 1, lines_);
+  correct_for_gamma(camera_.options.gamma, camera_.options.blur_px, lines_);
 }
 
 // Does the picture look like the object at the fitted pose? Lines that do not are left out.
@@ -179,7 +181,7 @@ PoseTermPtr ObjectLook::region_term() {
 
 // The lines [from, to) of edges_ as matches, if they look like the object's edges at `step`.
 void ObjectLook::add_edges(size_t from, size_t to, const Vector6& step, double weight,
-                           std::vector<LineMatch>& matches) {
+                           double min_share, std::vector<LineMatch>& matches) {
   const std::span<const EdgeLine> edges(edges_.data() + from, to - from);
   residuals_.clear();
   // Only the strongest step proves that this is an edge: a nearest one is always found.
@@ -191,7 +193,7 @@ void ObjectLook::add_edges(size_t from, size_t to, const Vector6& step, double w
     agree += std::abs(off) < kEdgeAgrees ? 1 : 0;
   }
   const auto found = static_cast<double>(residuals_.size());
-  if (residuals_.size() < kFewestEdges || static_cast<double>(agree) < kMinEdgeShare * found) {
+  if (residuals_.size() < kFewestEdges || static_cast<double>(agree) < min_share * found) {
     return;
   }
   const double scale = std::max(1.0, residual_scale(residuals_, step, scratch_));
@@ -236,6 +238,18 @@ PoseTermPtr ObjectLook::edge_term(const Frame& frame) {
   place_inner_edges(view, camera_.camera->model, camera_.camera_from_world * world_from_object_,
                     hiders_, kEdgeReach, edges_);
   find_steps(frame.grey(), camera_.light, kStepThreshold, edges_);
+  // Steps of an outline count where its colours say that it is.
+  for (size_t i = 0; i < outer; ++i) {
+    EdgeLine& edge = edges_[i];
+    const ContourLine& line = lines_[edge.line];
+    const double reach = kOutlineReach * std::max(0.5, look_.noise_px);
+    int kept = 0;
+    for (size_t k = 0; k < static_cast<size_t>(edge.offsets); ++k) {
+      if (std::abs(static_cast<double>(edge.offset[k]) - line.mean) > reach) continue;
+      edge.offset[static_cast<size_t>(kept++)] = edge.offset[k];
+    }
+    edge.offsets = line.measured ? kept : 0;
+  }
 
   const Vector6 at = difference(at_.world_from_object, world_from_object_);
   Vector6 step = region_step_;
@@ -253,8 +267,8 @@ PoseTermPtr ObjectLook::edge_term(const Frame& frame) {
   }
   std::vector<LineMatch> matches;
   matches.reserve(edges_.size());
-  if (outline_steps_agree(outer, step)) add_edges(0, outer, step, kSamePixels, matches);
-  add_edges(outer, edges_.size(), step, 1.0, matches);
+  if (outline_steps_agree(outer, step)) add_edges(0, outer, step, kSamePixels, 0.0, matches);
+  add_edges(outer, edges_.size(), step, 1.0, kMinEdgeShare, matches);
   look_.edges_used = static_cast<int>(matches.size());
   if (matches.empty()) return nullptr;
   return std::make_shared<LineTerm>("edge", camera_.camera, std::move(matches), options.huber,

@@ -61,7 +61,7 @@ class ObjectLook {
   bool judge();
   PoseTermPtr region_term();
   PoseTermPtr edge_term(const Frame& frame);
-  void add_edges(size_t from, size_t to, const Vector6& step, double weight,
+  void add_edges(size_t from, size_t to, const Vector6& step, double weight, double min_share,
                  std::vector<LineMatch>& matches);
   bool outline_steps_agree(size_t outer, const Vector6& step);
   double independent_share(double correlation_px) const;

@@ -28,7 +28,8 @@ struct TrackerOptions {
   double edge_floor_px = 0.20;
   /// Exponent from picture level to light, as in FiducialOptions.
   double gamma = 2.2;
-  double huber = 2.0;  ///< robust threshold [sigma]
+  double blur_px = 0.8;  ///< of a sharp outline in the picture: lens and pixel, one sigma
+  double huber = 2.0;    ///< robust threshold [sigma]
   /// Lines closer together than this along the outline are wrong together [px].
   double region_correlation_px = 10.0;
   double edge_correlation_px = 5.0;
