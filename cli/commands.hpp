@@ -28,6 +28,7 @@ int evaluate(const EvaluateCommandOptions& options);
 struct ReplayOptions {
   std::filesystem::path recording;
   std::filesystem::path config;       ///< empty: what the recording says
+  std::vector<std::string> cues;      ///< of every object; empty: what its file says
   std::filesystem::path poses;        ///< empty: none
   std::filesystem::path overlay;      ///< folder of videos; empty: none
   std::filesystem::path overlay_png;  ///< folder of pictures; empty: none

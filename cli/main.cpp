@@ -122,6 +122,10 @@ int run(int argc, char** argv) {
   replay_command->add_option("RECORDING", replay.recording, "recording folder")->required();
   replay_command->add_option("--config", replay.config,
                              "installation file (default: the recording)");
+  replay_command
+      ->add_option("--cues", replay.cues,
+                   "measure objects only by these: fiducial, region, edge, texture")
+      ->delimiter(',');
   replay_command->add_option("--poses", replay.poses, "write the pose log here");
   replay_command->add_option("--overlay", replay.overlay,
                              "write CAMERA.mkv as streamed to this folder");

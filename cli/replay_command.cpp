@@ -9,6 +9,7 @@
 #include "replay_pipeline.hpp"
 #include "report.hpp"
 #include "sightline/base/log.hpp"
+#include "sightline/config/object_file.hpp"
 
 namespace sightline::cli {
 namespace {
@@ -38,9 +39,13 @@ Result<ReplaySummary> run(const ReplayOptions& options) {
   SL_ASSIGN(Recording opened, open_recording(options.recording));
   for (const std::string& warning : opened.warnings) log::warning("{}", warning);
   const auto recording = std::make_shared<const Recording>(std::move(opened));
-  SL_ASSIGN(const Installation installation, options.config.empty()
-                                                 ? recording_installation(options.recording)
-                                                 : read_installation(options.config));
+  SL_ASSIGN(Installation installation, options.config.empty()
+                                           ? recording_installation(options.recording)
+                                           : read_installation(options.config));
+  if (!options.cues.empty()) {
+    SL_ASSIGN(const Cues cues, parse_cues(options.cues, "--cues"));
+    for (ObjectConfig& object : installation.objects) object.description.cues = cues;
+  }
   std::unique_ptr<PoseLogWriter> log;
   if (!options.poses.empty()) {
     SL_ASSIGN(log, PoseLogWriter::create(options.poses));

@@ -10,7 +10,7 @@ namespace {
 
 // Markers find an object faster and never mistake it.
 bool found_by_markers(const ObjectDescription& object) {
-  return object.board.has_value() || !object.fiducials.empty();
+  return object.cues.fiducial && (object.board.has_value() || !object.fiducials.empty());
 }
 
 void append(const Detection& detection, std::vector<Observation>& out) {

@@ -65,6 +65,35 @@ void read_symmetry(TomlTable& root, ObjectDescription& object) {
   }
 }
 
+bool* cue_flag(Cues& cues, std::string_view name) {
+  if (name == "fiducial") return &cues.fiducial;
+  if (name == "region") return &cues.region;
+  if (name == "edge") return &cues.edge;
+  if (name == "texture") return &cues.texture;
+  return nullptr;
+}
+
+// Without the key: markers alone where there are any, else the object's look.
+void read_cues(TomlTable& root, ObjectDescription& object) {
+  const bool marked = object.board.has_value() || !object.fiducials.empty();
+  const auto names = root.texts("cues");
+  if (!names) {
+    object.cues = {marked, !marked, !marked, !marked};
+    return;
+  }
+  object.cues = {false, false, false, false};
+  for (const PlacedText& name : *names) {
+    bool* const flag = cue_flag(object.cues, name.text);
+    if (flag != nullptr) {
+      *flag = true;
+    } else {
+      root.problem(
+          "cues",
+          fmt::format("\"{}\" is not known; known: fiducial, region, edge, texture", name.text));
+    }
+  }
+}
+
 Fiducial read_fiducial(TomlTable table, const std::vector<std::string>& families) {
   Fiducial fiducial;
   if (table.require("family", "for example \"tag36h11\"")) {
@@ -182,9 +211,23 @@ Result<ObjectDescription> parse_object_file(
   read_symmetry(root, object);
   read_fiducials(root, object);
   read_board(root, object);
+  read_cues(root, object);
   root.finish();
   if (!document.problems().empty()) return document.problems().error();
   return object;
+}
+
+Result<Cues> parse_cues(const std::vector<std::string>& names, const std::string& where) {
+  Cues cues{false, false, false, false};
+  for (const std::string& name : names) {
+    bool* const flag = cue_flag(cues, name);
+    if (flag == nullptr) {
+      return make_error(ErrorCode::kInvalidInput, where,
+                        "there is no cue \"{}\"; known: fiducial, region, edge, texture", name);
+    }
+    *flag = true;
+  }
+  return cues;
 }
 
 Result<ObjectDescription> read_object_file(const std::filesystem::path& path) {

@@ -21,12 +21,14 @@ struct CornerTerm::Seen {
 };
 
 CornerTerm::CornerTerm(std::shared_ptr<const CalibratedCamera> camera,
-                       std::vector<PointMatch> matches, double huber, const ViewError& view_error)
+                       std::vector<PointMatch> matches, double huber, const ViewError& view_error,
+                       std::string_view kind)
     : camera_(std::move(camera)),
       camera_from_world_(camera_->world_from_camera.inverse()),
       matches_(std::move(matches)),
       huber_(huber),
       view_error_(view_error),
+      kind_(kind),
       middle_(Eigen::Vector2d::Zero()) {
   for (const PointMatch& match : matches_) {
     middle_ += match.pixel / static_cast<double>(matches_.size());

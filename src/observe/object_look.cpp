@@ -27,6 +27,8 @@ constexpr double kStepThreshold = 3.0;  // grey levels per pixel
 constexpr double kEdgeReach = 5;        // [px]
 constexpr double kMinEdgeShare = 0.55;  // of lines with a step that must agree
 constexpr double kEdgeAgrees = 1.0;     // [px]
+constexpr size_t kFewestPoints = 8;
+constexpr double kMaxTextureNoise = 0.8;  // [px]
 constexpr size_t kFewestEdges = 16;
 constexpr int kEdgeRounds = 2;          // of choosing the nearest step
 constexpr double kMaxEdgeNoise = 0.75;  // [px]
@@ -54,7 +56,11 @@ Matrix6 placing_prior(const Matrix6& covariance) {
 }  // namespace
 
 ObjectLook::ObjectLook(const LookCamera& camera, TrackedObject object)
-    : camera_(camera), object_(std::move(object)) {}
+    : camera_(camera), object_(std::move(object)) {
+  if (object_.cues.texture && object_.depth) {
+    texture_ = std::make_unique<TexturePoints>(camera_.camera->model, object_.depth);
+  }
+}
 
 double ObjectLook::pixels_per_meter() const {
   const Rigid3 camera_from_object = camera_.camera_from_world * world_from_object_;
@@ -276,6 +282,67 @@ PoseTermPtr ObjectLook::edge_term(const Frame& frame) {
                                     independent_share(options.edge_correlation_px));
 }
 
+PoseTermPtr ObjectLook::texture_term(const Frame& frame) {
+  const TrackerOptions& options = camera_.options;
+  const Rigid3 fitted = world_from_object_ * Rigid3::exp(region_step_);
+  const Rigid3 camera_from_object = camera_.camera_from_world * fitted;
+  texture_->find(frame.grey(), camera_from_object, hiders_);
+  const auto& found = texture_->found();
+  if (found.size() < kFewestPoints) return nullptr;
+  const LineProjector projector(camera_.camera->model, camera_from_object);
+  residuals_.clear();
+  for (const TexturePoints::Found& point : found) {
+    for (const Eigen::Vector2d& axis : {Eigen::Vector2d(1, 0), Eigen::Vector2d(0, 1)}) {
+      LineResidual& residual = residuals_.emplace_back();
+      residual.sigma = options.texture_floor_px;
+      if (!projector.distance(point.point_in_object, point.pixel, axis, residual.offset,
+                              residual.by_pose)) {
+        return nullptr;
+      }
+      residual.offset = -residual.offset;
+    }
+  }
+  const Vector6 at = difference(at_.world_from_object, fitted);
+  const Vector6 step = fit_lines(residuals_, prior_, at, options.huber);
+  const double scale = std::max(1.0, residual_scale(residuals_, step, scratch_));
+  const double sigma = scale * options.texture_floor_px;
+  if (sigma > kMaxTextureNoise) return nullptr;
+  std::vector<PointMatch> matches;
+  matches.reserve(found.size());
+  for (size_t i = 0; i < found.size(); ++i) {
+    const auto off = [&](size_t k) {
+      return std::abs(residuals_[k].by_pose.dot(step) - residuals_[k].offset);
+    };
+    if (std::max(off(2 * i), off(2 * i + 1)) > kOutlier * sigma) continue;
+    matches.push_back({found[i].point_in_object, found[i].pixel, sigma});
+  }
+  look_.points_used = static_cast<int>(matches.size());
+  if (matches.size() < kFewestPoints) return nullptr;
+  return std::make_shared<CornerTerm>(camera_.camera, std::move(matches), options.huber,
+                                      options.texture_error, "texture");
+}
+
+void ObjectLook::note_texture(const Frame& frame) {
+  if (!texture_) return;
+  double left = 1e9, top = 1e9, right = -1e9, bottom = -1e9;
+  for (const ContourLine& line : lines_) {
+    left = std::min(left, line.center.x());
+    right = std::max(right, line.center.x());
+    top = std::min(top, line.center.y());
+    bottom = std::max(bottom, line.center.y());
+  }
+  texture_->note_candidates(frame.grey(), static_cast<int>(left), static_cast<int>(top),
+                            static_cast<int>(right), static_cast<int>(bottom));
+}
+
+void ObjectLook::keep_texture(const Rigid3& world_from_object) {
+  if (texture_) texture_->keep_candidates(camera_.camera_from_world * world_from_object);
+}
+
+void ObjectLook::drop_texture() {
+  if (texture_) texture_->drop_candidates();
+}
+
 void ObjectLook::measure(const Frame& frame, const LookAt& at, bool fresh_colors,
                          std::span<const HidingSphere> spheres, std::vector<PoseTermPtr>& terms) {
   look_ = {};
@@ -296,6 +363,9 @@ void ObjectLook::measure(const Frame& frame, const LookAt& at, bool fresh_colors
   look_.seen = judge();
   if (!look_.seen) return;
   if (object_.cues.region) terms.push_back(region_term());
+  if (texture_) {
+    if (PoseTermPtr term = texture_term(frame)) terms.push_back(std::move(term));
+  }
   if (object_.cues.edge) {
     if (PoseTermPtr term = edge_term(frame)) terms.push_back(std::move(term));
   }

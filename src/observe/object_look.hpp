@@ -9,6 +9,7 @@
 #include "edge_lines.hpp"
 #include "line_fit.hpp"
 #include "sightline/observe/object_tracker.hpp"
+#include "texture_points.hpp"
 
 namespace sightline::observe {
 
@@ -49,6 +50,11 @@ class ObjectLook {
   const ObjectTracker::Look& look() const { return look_; }
   /// How far the outline as it was placed last lies from that of another pose [px], rms over lines.
   double outline_distance(const Rigid3& world_from_object) const;
+  /// What the texture of the frame measured last offers; and what to make of it when its estimate
+  /// is known.
+  void note_texture(const Frame& frame);
+  void keep_texture(const Rigid3& world_from_object);
+  void drop_texture();
   /// Colours around the fitted pose, for learning.
   void collect(const Frame& frame, std::vector<uint16_t>& foreground,
                std::vector<uint16_t>& background);
@@ -60,6 +66,7 @@ class ObjectLook {
   void refine(double huber);
   bool judge();
   PoseTermPtr region_term();
+  PoseTermPtr texture_term(const Frame& frame);
   PoseTermPtr edge_term(const Frame& frame);
   void add_edges(size_t from, size_t to, const Vector6& step, double weight, double min_share,
                  std::vector<LineMatch>& matches);
@@ -87,6 +94,8 @@ class ObjectLook {
   double region_scale_ = 1;
   Vector6 region_step_ = Vector6::Zero();
   ObjectTracker::Look look_;
+  std::unique_ptr<TexturePoints> texture_;  ///< null: no cue
+  std::vector<bool> outliers_;
 };
 
 }  // namespace sightline::observe

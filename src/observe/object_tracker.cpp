@@ -105,10 +105,12 @@ bool ObjectTracker::Impl::learn_pending(State& state, const PoseTrack& track) {
   if (!std::exchange(state.pending, false)) return false;
   const PoseAt at = track.at(state.pending_capture);
   if (at.source != PoseSource::kEstimated || at.estimate.state != TrackState::kTracking ||
-      (at.estimate.cameras & camera_bit(id_)) == 0) {
+      (at.estimate.cameras & camera_bit(id_)) == 0 ||
+      state.look.outline_distance(at.estimate.world_from_object) > kSameOutlinePx) {
+    state.look.drop_texture();
     return false;
   }
-  if (state.look.outline_distance(at.estimate.world_from_object) > kSameOutlinePx) return false;
+  state.look.keep_texture(at.estimate.world_from_object);
   return state.look.appearance().learn(state.pending_side, state.foreground, state.background,
                                        static_cast<float>(camera_.options.learning_rate));
 }
@@ -153,6 +155,7 @@ void ObjectTracker::Impl::step(const Frame& frame, std::span<const PoseTrackPtr>
     state.last.learned = learned;
     if (!state.last.seen) continue;
     state.look.collect(frame, state.foreground, state.background);
+    state.look.note_texture(frame);
     state.pending = true;
     state.pending_capture = capture;
     state.pending_side = state.look.side();

@@ -3,7 +3,9 @@
 
 #include <filesystem>
 #include <functional>
+#include <string>
 #include <string_view>
+#include <vector>
 
 #include "sightline/base/result.hpp"
 #include "sightline/model/object.hpp"
@@ -22,5 +24,9 @@ Result<ObjectDescription> read_object_file(const std::filesystem::path& path);
 Result<ObjectDescription> parse_object_file(
     std::string_view text, const std::filesystem::path& path,
     const std::function<bool(const std::filesystem::path&)>& is_file);
+
+/// Cues by name ("fiducial", "region", "edge", "texture"), as in the key `cues` of an object file
+/// and in `sightline replay --cues`. Those that are not named are off.
+Result<Cues> parse_cues(const std::vector<std::string>& names, const std::string& where);
 
 }  // namespace sightline

@@ -40,12 +40,13 @@ class CornerTerm : public PoseTerm {
  public:
   static constexpr double kUnseenError = 100;
 
-  /// `huber` in sigmas. `camera` is shared with the observer that made the term.
+  /// `huber` in sigmas. `camera` is shared with the observer that made the term. `kind`: "fiducial"
+  /// or "texture", a string literal.
   CornerTerm(std::shared_ptr<const CalibratedCamera> camera, std::vector<PointMatch> matches,
-             double huber, const ViewError& view_error = {});
+             double huber, const ViewError& view_error = {}, std::string_view kind = "fiducial");
 
   LinearizedTerm linearize(const Rigid3& world_from_object) const override;
-  std::string_view kind() const override { return "fiducial"; }
+  std::string_view kind() const override { return kind_; }
 
   const std::vector<PointMatch>& matches() const { return matches_; }
   const CalibratedCamera& camera() const { return *camera_; }
@@ -61,6 +62,7 @@ class CornerTerm : public PoseTerm {
   std::vector<PointMatch> matches_;
   double huber_;
   ViewError view_error_;
+  std::string_view kind_;
   Eigen::Vector2d middle_;  ///< of the view [px]
 };
 

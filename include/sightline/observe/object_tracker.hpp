@@ -13,6 +13,7 @@
 #include "sightline/model/object.hpp"
 #include "sightline/model/observation.hpp"
 #include "sightline/model/pose_track.hpp"
+#include "sightline/observe/corner_term.hpp"
 #include "sightline/observe/line_term.hpp"
 #include "sightline/observe/viewpoint_model.hpp"
 
@@ -23,9 +24,12 @@ struct TrackerOptions {
   /// What a whole outline or set of edges may be wrong by (see LineError).
   LineError region_error{0.30, 0.30};
   LineError edge_error{0.15, 0.15};
+  /// The same of texture points: their places come from poses that were estimated.
+  ViewError texture_error{0.5, 0.006};
   /// Least noise of one line's offset [px], whatever the picture says.
   double region_floor_px = 0.35;
   double edge_floor_px = 0.20;
+  double texture_floor_px = 0.15;
   /// Exponent from picture level to light, as in FiducialOptions.
   double gamma = 2.2;
   double blur_px = 0.8;  ///< of a sharp outline in the picture: lens and pixel, one sigma

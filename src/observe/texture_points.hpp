@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <memory>
+#include <vector>
+
+#include "contour_lines.hpp"
+#include "line_fit.hpp"
+#include "sightline/model/depth_renderer.hpp"
+#include "sightline/observe/corner_term.hpp"
+
+namespace sightline::observe {
+
+/// Small pieces of an object's print, as one camera saw them, each with its place on the mesh. They
+/// stay as long as they are found: an object that comes back to a side is measured against what was
+/// kept of that side first, so that errors do not add up from frame to frame. (Tracking of patches
+/// by an affine warp that the pose predicts: Shi and Tomasi, 1994; inverse compositional alignment:
+/// Baker and Matthews, 2004.)
+class TexturePoints {
+ public:
+  static constexpr int kRadius = 4;
+  static constexpr int kSide = 2 * kRadius + 1;
+  static constexpr size_t kMost = 160;     ///< that are kept
+  static constexpr size_t kEnough = 24;    ///< found in a picture, so that no new ones are wanted
+  static constexpr size_t kPerFrame = 48;  ///< tried in a picture
+
+  TexturePoints(const CameraModel& camera, const DepthRendererFactory& factory);
+
+  /// Looks for the kept points around where `camera_from_object` puts them.
+  void find(const PlaneView& grey, const Rigid3& camera_from_object, const Hiders& hiders);
+  struct Found {
+    Eigen::Vector3d point_in_object;
+    Eigen::Vector2d pixel;
+  };
+  const std::vector<Found>& found() const { return found_; }
+
+  /// Notes corners of the picture inside the given box as candidates, if new points are wanted.
+  void note_candidates(const PlaneView& grey, int left, int top, int right, int bottom);
+  /// Makes points of the candidates: they lie on the mesh at this pose, which the estimate of their
+  /// frame gave.
+  void keep_candidates(const Rigid3& camera_from_object);
+  void drop_candidates() { candidates_.clear(); }
+  size_t kept() const { return points_.size(); }
+
+ private:
+  using Patch = std::array<float, kSide * kSide>;
+  struct Candidate {
+    int x = 0, y = 0;
+    float strength = 0;
+    Patch patch;
+  };
+  struct Point {
+    Eigen::Vector3d in_object;
+    Eigen::Vector3d tangent_u, tangent_v;  ///< object frame, any two along the surface
+    Eigen::Matrix2d picture_from_tangent;  ///< at the frame it was taken from
+    Eigen::Vector3d direction;             ///< to the camera then, object frame
+    Patch patch;                           ///< without its mean
+    Eigen::Matrix2d gradient_squares;
+    float norm = 0;
+    int misses = 0;
+  };
+  bool align(const PlaneView& grey, const Point& point, const Eigen::Matrix2d& warp,
+             Eigen::Vector2d& pixel) const;
+  bool make_point(const Candidate& candidate, const DepthTile& depth,
+                  const Rigid3& object_from_camera, Point& point) const;
+  bool crowded(const Eigen::Vector2d& pixel) const;
+
+  const CameraModel& camera_;
+  std::unique_ptr<DepthRenderer> renderer_;
+  std::vector<Point> points_;
+  std::vector<Candidate> candidates_;
+  std::vector<Found> found_;
+  std::vector<float> strengths_;
+};
+
+}  // namespace sightline::observe
