@@ -18,7 +18,8 @@ constexpr int kMostMisses = 20;      // looks in a row that do not find it
 constexpr double kSpacing = 7;       // [px] between points
 constexpr float kCorner = 60.0f;     // least eigenvalue of the mean gradient squares
 constexpr size_t kMostCandidates = 24;
-constexpr int kStep = 2;  // [px] grid on which corners are looked for
+constexpr int kShortestPause = 3, kLongestPause = 48;  // [frames] between looks for corners
+constexpr int kStep = 2;                               // [px] grid on which corners are looked for
 
 float grey_at(const PlaneView& grey, double x, double y) {
   const int ix = static_cast<int>(x), iy = static_cast<int>(y);
@@ -160,6 +161,9 @@ void TexturePoints::note_candidates(const PlaneView& grey, int left, int top, in
                                     int bottom) {
   candidates_.clear();
   if (!renderer_ || found_.size() >= kEnough || points_.size() >= kMost) return;
+  if (rest_-- > 0) return;
+  pause_ = found_.size() < kEnough / 4 ? std::min(2 * pause_, kLongestPause) : kShortestPause;
+  rest_ = pause_;
   constexpr int kMargin = kRadius + 2;
   left = std::max(left, kMargin);
   top = std::max(top, kMargin);

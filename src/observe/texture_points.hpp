@@ -35,7 +35,8 @@ class TexturePoints {
   };
   const std::vector<Found>& found() const { return found_; }
 
-  /// Notes corners of the picture inside the given box as candidates, if new points are wanted.
+  /// Notes corners of the picture inside the given box as candidates, if new points are wanted:
+  /// every few frames, and seldom on an object without texture.
   void note_candidates(const PlaneView& grey, int left, int top, int right, int bottom);
   /// Makes points of the candidates: they lie on the mesh at this pose, which the estimate of their
   /// frame gave.
@@ -72,6 +73,8 @@ class TexturePoints {
   std::vector<Candidate> candidates_;
   std::vector<Found> found_;
   std::vector<float> strengths_;
+  int rest_ = 0;   ///< frames until candidates are looked for again
+  int pause_ = 3;  ///< and for how many after that: grows while the object shows no texture
 };
 
 }  // namespace sightline::observe

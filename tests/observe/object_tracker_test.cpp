@@ -203,7 +203,8 @@ TEST(ObjectTracker, ACoveredCameraSaysNothingAndLearnsNothing) {
   EXPECT_GT(hidden_looks, 3);
   EXPECT_EQ(claims, 0);
   EXPECT_EQ(learned, 0);
-  EXPECT_LT(worst_mm, 6);
+  // Depth by one camera alone.
+  EXPECT_LT(worst_mm, 9);
   EXPECT_TRUE(tracking.trackers[1]->last_look(0).seen) << "does not come back";
 }
 
