@@ -28,9 +28,11 @@ Result<std::unique_ptr<CameraObserver>> CameraObserver::create(const Installatio
   SceneDepth scene;
   if (!objects.empty()) scene = make_scene_depth(installation, rig, camera);
   SL_CHECK(camera.index() < installation.cameras.size(), "camera id of another installation");
-  SL_ASSIGN(auto tracker,
-            ObjectTracker::create(installation.cameras[camera.index()].calibration, camera,
-                                  std::move(objects), installation.tracker, std::move(scene)));
+  const CameraConfig& config = installation.cameras[camera.index()];
+  TrackerOptions options = installation.tracker;
+  options.gamma = config.gamma;
+  SL_ASSIGN(auto tracker, ObjectTracker::create(config.calibration, camera, std::move(objects),
+                                                options, std::move(scene)));
   return std::unique_ptr<CameraObserver>(
       new CameraObserver(std::move(fiducials), std::move(tracker)));
 }
