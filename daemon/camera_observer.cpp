@@ -30,7 +30,7 @@ Result<std::unique_ptr<CameraObserver>> CameraObserver::create(const Installatio
   SL_CHECK(camera.index() < installation.cameras.size(), "camera id of another installation");
   const CameraConfig& config = installation.cameras[camera.index()];
   TrackerOptions options = installation.tracker;
-  options.gamma = config.gamma;
+  if (config.gamma > 0) options.gamma = config.gamma;
   SL_ASSIGN(auto tracker, ObjectTracker::create(config.calibration, camera, std::move(objects),
                                                 options, std::move(scene)));
   return std::unique_ptr<CameraObserver>(
