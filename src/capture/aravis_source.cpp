@@ -217,8 +217,9 @@ Error Source::silence() const {
   }
   if (unusable > 0) {
     return make_error(ErrorCode::kDamaged, info_.name,
-                      "no usable frame in {:.1f} s: {} were no {}x{} {} pictures", seconds,
-                      unusable, settings_.width, settings_.height, settings_.format->name);
+                      "no usable frame in {:.1f} s: {} were no {}x{} {} pictures{}", seconds,
+                      unusable, settings_.width, settings_.height, settings_.format->name,
+                      chunks_.active() && counts_.delivered == 0 ? " (try chunks = false)" : "");
   }
   return make_error(ErrorCode::kTimeout, info_.name,
                     "no frame in {:.1f} s: camera or cable is gone, or a firewall keeps its "
@@ -317,6 +318,7 @@ void Source::ask_camera(Time now) {
   if (ptp_ && now >= next_ptp_) {
     next_ptp_ = now + kPtpInterval;
     counts_.ptp = ptp_state(camera_.get());
+    times_.set_tai(counts_.ptp == "Slave");
     counts_.ptp_offset_ns = ptp_offset(camera_.get());
   }
 }

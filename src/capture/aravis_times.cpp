@@ -56,7 +56,6 @@ AravisTimes::AravisTimes(const AravisOptions& options, const AravisSettings& set
       transit_(transit_of(options, settings)),
       transit_error_(transit_error_of(options, settings)),
       period_(period_of(settings)),
-      label_(options.ptp ? ClockLabel::kTai : ClockLabel::kDevice),
       clock_(clock_options(options, settings)) {}
 
 // Latches are believed while what they say of a stamp can be: nothing is sent before it is exposed,

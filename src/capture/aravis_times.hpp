@@ -31,6 +31,8 @@ class AravisTimes {
   /// Fills device time, capture, its bound and the arrival.
   void stamp(const FrameStamps& stamps, FrameInfo& info);
 
+  /// The camera's clock follows the network's.
+  void set_tai(bool tai) { label_ = tai ? ClockLabel::kTai : ClockLabel::kDevice; }
   /// The camera's clock was read.
   void add(const Latch& latch) { latches_.add(latch); }
 
@@ -47,7 +49,7 @@ class AravisTimes {
   Duration exposure_error_;  ///< of automatic exposure, on the middle
   Duration transit_, transit_error_;
   Duration period_;
-  ClockLabel label_;
+  ClockLabel label_ = ClockLabel::kDevice;
   ClockMap clock_;
   LatchMap latches_;
   bool latched_ = false;

@@ -17,7 +17,8 @@ import unittest
 
 CAMERA = "arv-fake-gv-camera-0.8"
 CLIENT = ""
-WAIT_S = 40.0
+# Bound of every wait. The machine may be busy with other things, and sanitizers are slow.
+WAIT_S = float(os.environ.get("SIGHTLINE_TEST_WAIT_S", "90"))
 ADDRESSES = ["127.0.0.2", "127.0.0.3", "127.0.0.4", "127.0.0.5"]
 
 
@@ -155,7 +156,7 @@ class AravisTest(unittest.TestCase):
             self.assertIn("BayerRG8", fields(line)["formats"])
         # By address, by serial, by id.
         names = [ADDRESSES[0], "GV03", fields(lines[2])["id"]]
-        clients = [self.client("open", name, "width=320", "height=240", "rate=25") for name in names]
+        clients = [self.client("open", name, "width=320", "height=240", "rate=15") for name in names]
         for client in clients:
             client.wait(r"^frame ", count=20)
         cameras[0].process.send_signal(signal.SIGSTOP)
@@ -190,7 +191,7 @@ class AravisTest(unittest.TestCase):
     def test_second_client_is_told_and_gets_the_camera_later(self):
         self.camera(0)
         self.listed(1)
-        first = self.client("open", ADDRESSES[0], "rate=25")
+        first = self.client("open", ADDRESSES[0], "rate=10")
         first.wait(r"^frame ", count=3)
         second = self.client("open", ADDRESSES[0])
         _, error = second.wait(r"^error ")
@@ -203,7 +204,7 @@ class AravisTest(unittest.TestCase):
     def test_the_frame_number_wraps(self):
         self.camera(0)  # counts from 65400 on
         self.listed(1)
-        client = self.client("open", ADDRESSES[0], "width=64", "height=64", "rate=200")
+        client = self.client("open", ADDRESSES[0], "width=64", "height=64", "rate=100")
         client.wait(r"^frame ", count=300)
         frames = frames_of(client.end())
         self.check_continuous(frames)
@@ -212,7 +213,7 @@ class AravisTest(unittest.TestCase):
     def test_lost_packets_drop_frames_and_are_counted(self):
         self.camera(0, "-r", "3")  # of a thousand, and the simulator sends nothing again
         self.listed(1)
-        client = self.client("open", ADDRESSES[0], "width=640", "height=360", "rate=50", "packet_size=1400")
+        client = self.client("open", ADDRESSES[0], "width=640", "height=360", "rate=20", "packet_size=1400")
         client.wait(r"^frame .*dropped=[1-9]", count=3)
         lines = client.end()
         frames = frames_of(lines)
@@ -225,7 +226,7 @@ class AravisTest(unittest.TestCase):
     def test_readers_that_keep_frames_get_copies(self):
         self.camera(0)
         self.listed(1)
-        client = self.client("open", ADDRESSES[0], "rate=50", "buffers=5", "hold=20")
+        client = self.client("open", ADDRESSES[0], "rate=20", "buffers=5", "hold=20")
         client.wait(r"^frame ", count=60)
         status = fields([l for l in client.end() if l.startswith("status")][-1])
         self.assertGreater(int(status["copied"]), 20)

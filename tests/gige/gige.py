@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 
-WAIT_S = float(os.environ.get("SIGHTLINE_TEST_WAIT_S", "60"))
+WAIT_S = float(os.environ.get("SIGHTLINE_TEST_WAIT_S", "90"))
 ADDRESSES = ["127.0.0.2", "127.0.0.3", "127.0.0.4", "127.0.0.5"]
 MARK = "SIGHTLINE_IN_NAMESPACE"
 

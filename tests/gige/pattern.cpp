@@ -52,14 +52,17 @@ size_t start_of_row(int y, uint64_t frame) {
                              kPatternPeriod);
 }
 
-void put_bits(std::vector<uint8_t>& bytes, size_t offset, size_t first_bit, int bits,
-              unsigned value) {
-  for (int b = 0; b < bits; ++b) {
-    const size_t at = first_bit + static_cast<size_t>(b);
-    if ((value >> b & 1) != 0) {
-      bytes[offset + at / 8] = static_cast<uint8_t>(bytes[offset + at / 8] | 1u << at % 8);
+// One component after another, least significant bit first, without gaps.
+void put_stream(uint8_t* to, int bits, int count, const auto& value) {
+  uint32_t waiting = 0;
+  int filled = 0;
+  for (int i = 0; i < count; ++i) {
+    waiting |= uint32_t{value(i)} << filled;
+    for (filled += bits; filled >= 8; filled -= 8, waiting >>= 8) {
+      *to++ = static_cast<uint8_t>(waiting);
     }
   }
+  if (filled > 0) *to = static_cast<uint8_t>(waiting);
 }
 
 // Two components in three bytes: the upper eight bits of both outside, the rest in the middle.
@@ -136,10 +139,7 @@ void draw_pattern(const WireFormat& format, int width, int height, uint64_t fram
         }
         break;
       case Layout::kPfncPacked:
-        for (int i = 0; i < width; ++i) {
-          const size_t bit = static_cast<size_t>(i) * static_cast<size_t>(format.bits);
-          put_bits(bytes, row, bit, format.bits, value(i));
-        }
+        put_stream(&bytes[row], format.bits, width, value);
         break;
     }
   }
