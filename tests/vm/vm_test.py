@@ -71,6 +71,18 @@ def check_host(suite):
         need("curl", "curl")
 
 
+def trixie_build(programs):
+    """Where build-trixie.sh has put the programs, and the tree of Debian 13 that they were built in."""
+    folder = os.path.join(ROOT, "build", "trixie", "bin")
+    if not all(os.path.exists(os.path.join(folder, program)) for program in programs):
+        skip("nothing is built for Debian 13: tests/vm/build-trixie.sh does that, scripts/test with SIGHTLINE_VM_TRIXIE=1")
+    if os.geteuid() != 0:
+        skip("looking up Debian 13's libraries needs root")
+    tree = subprocess.run([os.path.join(HERE, "build-trixie.sh"), "-l"], capture_output=True, text=True, timeout=60,
+                          check=True).stdout.strip()
+    return folder, tree
+
+
 def libraries(paths, root):
     """What the dynamic linker loads for these files, by name. `root`: the tree of the other Debian that they are for."""
     found = {}
@@ -176,18 +188,21 @@ def run(name, programs, root, suite, folder):
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("name", choices=sorted(TESTS))
-    parser.add_argument("--bin", required=True, help="folder of the programs under test")
+    parser.add_argument("--bin", default=os.path.join(ROOT, "build", "release", "bin"), help="the programs under test")
     parser.add_argument("--suite", default="bookworm")
-    parser.add_argument("--root", default="", help="tree of the Debian that the programs were built in, if another")
+    parser.add_argument("--trixie-build", action="store_true", help="the programs are those that build-trixie.sh made")
     parser.add_argument("--keep", help="work in this folder and leave everything there")
     given = parser.parse_args()
     check_host(given.suite)
+    programs, root = os.path.abspath(given.bin), ""
+    if given.trixie_build:
+        programs, root = trixie_build(TESTS[given.name]["programs"])
     if given.keep:
         shutil.rmtree(given.keep, ignore_errors=True)
         os.makedirs(given.keep)
-        return run(given.name, os.path.abspath(given.bin), given.root, given.suite, os.path.abspath(given.keep))
+        return run(given.name, programs, root, given.suite, os.path.abspath(given.keep))
     with tempfile.TemporaryDirectory(prefix="sightline_vm.") as folder:
-        return run(given.name, os.path.abspath(given.bin), given.root, given.suite, folder)
+        return run(given.name, programs, root, given.suite, folder)
 
 
 if __name__ == "__main__":

@@ -91,6 +91,14 @@ class Usage(typing.NamedTuple):
         return f"files {self.files}, threads {self.threads}, memory {self.memory_kb} kB"
 
 
+def flat(usages, limit_kb):
+    """Whether the memory stays: its least in the last third, where a load passes by, against that in the first."""
+    third = max(1, len(usages) // 3)
+    growth = min(u.memory_kb for u in usages[-third:]) - min(u.memory_kb for u in usages[:third])
+    say(f"      memory: {growth:+d} kB from the first third to the last")
+    return growth <= limit_kb
+
+
 def figures(what, values):
     values = sorted(values)
     say(f"      {what}: median {values[len(values) // 2]:.2f} s, longest {values[-1]:.2f} s")
@@ -113,6 +121,7 @@ class Service:
         with open("/etc/systemd/system/sightlined.service.d/libraries.conf", "w", encoding="utf-8") as file:
             file.write("[Service]\n" + "".join(f"Environment={key}={value}\n" for key, value in ENVIRONMENT.items()))
             file.write("Environment=GST_REGISTRY_1_0=/var/cache/sightline/registry.bin\n")
+            file.write("WatchdogSec=60\n")  # on a busy machine the whole guest may stand still for ten seconds
         if not os.path.exists("/usr/share/fonts"):
             os.symlink(PREFIX + "/fonts", "/usr/share/fonts")
         for folder in ("lib/udev/rules.d",):
