@@ -8,9 +8,11 @@
 #include <libcamera/logging.h>
 #include <libcamera/property_ids.h>
 #include <libcamera/request.h>
+#include <libcamera/version.h>
 #include <linux/dma-buf.h>
 #include <sys/ioctl.h>
 #include <sys/mman.h>
+#include <sys/sysmacros.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -25,6 +27,7 @@
 #include <mutex>
 #include <ostream>
 #include <streambuf>
+#include <thread>
 #include <utility>
 
 #include "libcamera_camera.hpp"
@@ -41,6 +44,8 @@ using libcamera::FrameBuffer;
 using libcamera::Request;
 using libcamera::StreamConfiguration;
 using libcamera::StreamRole;
+
+constexpr Duration kLastWords = std::chrono::milliseconds(100);
 
 std::string reason(int negative_errno) { return std::strerror(-negative_errno); }
 
@@ -93,6 +98,11 @@ class Completions {
     changed_.notify_one();
   }
 
+  bool gone() const {
+    std::lock_guard lock(mutex_);
+    return gone_;
+  }
+
   /// The oldest shot; nullopt: none in time, or the camera is gone.
   std::optional<LibcameraShot> wait(Duration limit, bool& gone) {
     std::unique_lock lock(mutex_);
@@ -110,7 +120,7 @@ class Completions {
   const libcamera::ControlList controls_;
   const std::string where_;
   int good_ = 0;  // libcamera's thread only
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::vector<LibcameraShot> shots_;
   bool gone_ = false;
@@ -301,6 +311,7 @@ class RealCamera final : public LibcameraCamera {
   Status agree(const LibcameraOptions& options, StreamConfiguration& stream);
   Status allocate(const StreamConfiguration& stream);
   void set_rate(double rate_hz);
+  bool has_devices() const;
   Error failed(const char* what, int negative_errno) const;
 
   std::shared_ptr<Camera> camera_;  // null once closed
@@ -508,14 +519,32 @@ Result<std::optional<LibcameraShot>> RealCamera::wait(Duration limit) {
   return shot;
 }
 
+// Whether the kernel still knows the camera; libcamera hears of its going later.
+bool RealCamera::has_devices() const {
+#if LIBCAMERA_VERSION_MAJOR > 0 || LIBCAMERA_VERSION_MINOR >= 1
+  const auto devices = camera_->properties().get(libcamera::properties::SystemDevices);
+  for (const int64_t device : devices.value_or(libcamera::Span<const int64_t>())) {
+    const auto number = static_cast<dev_t>(device);
+    const auto path = fmt::format("/sys/dev/char/{}:{}", major(number), minor(number));
+    if (::access(path.c_str(), F_OK) != 0) return false;
+  }
+#endif
+  return true;
+}
+
 void RealCamera::close() {
   if (!camera_) return;
-  if (running_) camera_->stop();
+  // libcamera 0.4 cannot stop an unplugged camera: the driver takes no request back, and an
+  // assertion ends the process. Destroyed as it runs, it closes the device and only complains. What
+  // was asked of its thread just before is let pass first.
+  const bool gone = (completions_ && completions_->gone()) || !has_devices();
+  if (gone) std::this_thread::sleep_for(kLastWords);
+  if (running_ && !gone) camera_->stop();
   ear_.listen(nullptr);
   requests_.clear();
   allocator_.reset();
   configuration_.reset();
-  camera_->release();
+  if (!gone) camera_->release();
   camera_.reset();
 }
 
