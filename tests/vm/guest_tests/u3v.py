@@ -58,7 +58,7 @@ def trouble(service):
     service.goes("cam")
     frames = service.camera("cam")["frames"]
     ask("plug usb0 u3v OTHER")
-    service.goes("cam", "no camera with id, serial or MAC 'U3V01'")
+    service.goes("cam", "no camera with id")
     until(lambda: "OTHER" in service.camera("cam").get("problem", ""), "it names the one that is there")
     check("another camera is not taken for it", service.camera("cam")["frames"] == frames)
     ask("unplug usb0")
@@ -106,7 +106,7 @@ def main():
     service = Service({"cam": 'source = "aravis:U3V01"\nformat = "Mono8"\nrate = 10'}, 320, 180)
     bytes_equal()
     service.start()
-    service.goes("cam", "no camera with id, serial or MAC")
+    service.goes("cam", "no camera with id")
     check("starts without the camera, and says so", service.same_process())
     ask(PLUG)
     service.comes("cam")
