@@ -11,6 +11,7 @@
 #include "frame_ids.hpp"
 #include "genicam_formats.hpp"
 #include "genicam_picture.hpp"
+#include "support/allocations.hpp"
 
 namespace sightline {
 namespace {
@@ -249,6 +250,23 @@ TEST(BytesPool, RecyclesAndOutlivesItself) {
     kept = pool.get();
   }
   kept.get()[99] = 1;
+}
+
+// --- memory ---
+
+TEST(GenicamPicture, AllocatesNothingForAFrameOnceWarm) {
+  for (const char* const name : {"Mono8", "Mono12Packed", "Mono10p", "RGB8", "BayerRG8"}) {
+    GenicamPicture picture(*find_genicam_format(name), 32, 16, 0);
+    const std::vector<uint8_t> bytes(picture.bytes_needed(), 100);
+    const auto take = [&] {
+      picture.frame(FrameInfo(), bytes, nullptr)->i420();
+      picture.copied_frame(FrameInfo(), bytes)->i420();
+    };
+    for (int i = 0; i < 20; ++i) take();
+    const size_t before = test::allocations();
+    for (int i = 0; i < 100; ++i) take();
+    EXPECT_EQ(test::allocations() - before, 0u) << name;
+  }
 }
 
 }  // namespace

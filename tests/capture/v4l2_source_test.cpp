@@ -160,6 +160,33 @@ INSTANTIATE_TEST_SUITE_P(V4l2, BayerFormats,
                                          V4L2_PIX_FMT_SGRBG12, V4L2_PIX_FMT_SRGGB10P,
                                          V4L2_PIX_FMT_SBGGR12P));
 
+class DecodedFormats : public V4l2SourceTest, public testing::WithParamInterface<uint32_t> {};
+
+TEST_P(DecodedFormats, AllocateNothingOnceWarm) {
+  use(GetParam());
+  open();
+  const V4l2Format format = *find_v4l2_format(GetParam());
+  const auto sent = format.kind == V4l2Kind::kMjpeg
+                        ? test::make_jpeg(kWidth, kHeight, TJSAMP_422)
+                        : noise(bayer_row_bytes(format.packing, kWidth) * kHeight);
+  constexpr int kWarm = 20, kFrames = 200;
+  for (int i = 0; i < kWarm + kFrames; ++i) device_->send(sent);
+  int got = 0;
+  const auto take = [&] {
+    const auto step = next(100ms);
+    got += step->frame->i420().y.data != nullptr;
+  };
+  for (int i = 0; i < kWarm; ++i) take();
+  const size_t before = test::allocations();
+  for (int i = 0; i < kFrames; ++i) take();
+  EXPECT_EQ(test::allocations() - before, 0u);
+  EXPECT_EQ(got, kWarm + kFrames);
+}
+
+INSTANTIATE_TEST_SUITE_P(V4l2, DecodedFormats,
+                         testing::Values(V4L2_PIX_FMT_MJPEG, V4L2_PIX_FMT_SRGGB8,
+                                         V4L2_PIX_FMT_SRGGB12, V4L2_PIX_FMT_SRGGB10P));
+
 TEST_F(V4l2SourceTest, PaddedRowsAreUnderstood) {
   device_->bytes_per_line = 2 * kWidth + 16;
   open();
