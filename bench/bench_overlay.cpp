@@ -149,6 +149,12 @@ void overlay(benchmark::State& state, const OverlayStyle& style, bool copy,
 
 void everything(benchmark::State& state) { overlay(state, full_style(), false); }
 void everything_and_frame_copy(benchmark::State& state) { overlay(state, full_style(), true); }
+/// Every style that exists, at once.
+void every_style(benchmark::State& state) {
+  OverlayStyle style;
+  for (const std::string_view name : style_names()) *style_flag(style, name) = true;
+  overlay(state, style, false);
+}
 void everything_full_mesh(benchmark::State& state) {
   overlay(state, full_style(), false, RasterChoice::kCpu, false);
 }
@@ -167,6 +173,9 @@ void style_alone(benchmark::State& state, const char* name) {
 BENCHMARK(everything)
     ->ArgNames({"height", "faces"})
     ->ArgsProduct({{720, 1080}, {1000, 10000, 100000, 1000000}});
+BENCHMARK(every_style)
+    ->ArgNames({"height", "faces"})
+    ->ArgsProduct({{720, 1080}, {1000, 10000, 100000}});
 BENCHMARK(everything_full_mesh)
     ->ArgNames({"height", "faces"})
     ->ArgsProduct({{720, 1080}, {1000, 10000, 100000, 1000000}});
