@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <ctime>
 
+#include "object_views.hpp"
 #include "sightline/base/files.hpp"
 #include "sightline/base/log.hpp"
 #include "sightline/base/thread.hpp"
@@ -62,9 +63,11 @@ Result<std::unique_ptr<Daemon>> Daemon::start(Installation installation,
   daemon->rig_ = std::make_shared<const Rig>(std::move(rig));
   SL_ASSIGN(auto parts, daemon->prepare_all(now, *daemon->rig_));
   SL_ASSIGN(auto views, daemon->prepare_views(now, *daemon->rig_));
+  SL_ASSIGN(auto search, ObjectSearch::create(now, *daemon->rig_, cache_folder()));
   SL_RETURN_IF_ERROR(daemon->start_recorder(now));
   SL_RETURN_IF_ERROR(daemon->start_servers(now));
-  SL_RETURN_IF_ERROR(daemon->start_pipeline(now, *daemon->rig_, std::move(parts)));
+  SL_RETURN_IF_ERROR(
+      daemon->start_pipeline(now, *daemon->rig_, std::move(parts), std::move(search)));
   SL_RETURN_IF_ERROR(daemon->start_views(now, *daemon->rig_, std::move(views)));
   daemon->actions_ = ActionUnit::start(now.action, daemon->registry_, daemon->beats_);
   return daemon;
@@ -174,9 +177,10 @@ Status Daemon::start_camera(const Installation& installation, const Rig& rig, Ca
   parts.on_observation = [fusion = fusion_](Observation observation) {
     fusion->push(std::move(observation));
   };
-  if (recorder_) {
-    parts.on_frame = [recorder = recorder_](const FramePtr& frame) { recorder->push(frame); };
-  }
+  parts.on_frame = [recorder = recorder_, search = search_](const FramePtr& frame) {
+    if (recorder) recorder->push(frame);
+    if (search) search->push(frame);
+  };
   auto unit = CameraUnit::start(std::move(parts), registry_, beats_);
   std::lock_guard lock(mutex_);
   cameras_[config.name] = std::move(unit);
@@ -246,7 +250,8 @@ std::vector<bool> Daemon::present(const std::vector<std::string>& names) const {
 }
 
 Status Daemon::start_pipeline(const Installation& installation, const Rig& rig,
-                              std::vector<CameraParts> parts) {
+                              std::vector<CameraParts> parts,
+                              std::unique_ptr<ObjectSearch> search) {
   {
     std::lock_guard lock(mutex_);
     board_ = std::make_shared<TrackBoard>(rig.objects.size());
@@ -259,6 +264,13 @@ Status Daemon::start_pipeline(const Installation& installation, const Rig& rig,
   }
   SL_ASSIGN(fusion_, FusionUnit::start(installation.estimator, rig.names(), board_, registry_,
                                        beats_, std::move(on_estimate)));
+  search_.reset();
+  if (search) {
+    search_ = SearchUnit::start(
+        std::move(search), installation.cameras.size(), board_,
+        [fusion = fusion_](Observation found) { fusion->push(std::move(found)); }, registry_,
+        beats_);
+  }
   for (CameraParts& camera : parts) {
     SL_RETURN_IF_ERROR(start_camera(installation, rig, std::move(camera)));
   }
@@ -282,6 +294,7 @@ Status Daemon::stop() {
   stop_views();
   actions_.reset();
   stop_cameras();
+  if (search_) search_->stop();
   if (fusion_) fusion_->stop();
   http_.reset();
   stop_rtsp();
@@ -299,7 +312,7 @@ Status Daemon::reload(Installation next) {
                           changes.observe || changes.estimator || changes.rtsp || changes.encoder ||
                           changes.http || changes.record || !changes.objects_added.empty() ||
                           !changes.objects_removed.empty() || !changes.objects_changed.empty() ||
-                          (recorder_ && cameras_differ(changes));
+                          ((recorder_ || search_) && cameras_differ(changes));
   SL_RETURN_IF_ERROR(everything ? restart_all(std::move(next))
                                 : restart_some(std::move(next), changes));
   if (changes.action) {
@@ -318,9 +331,11 @@ Status Daemon::restart_all(Installation next) {
   auto loaded = std::make_shared<const Rig>(std::move(rig));
   SL_ASSIGN(auto parts, prepare_all(next, *loaded));
   SL_ASSIGN(auto views, prepare_views(next, *loaded));
+  SL_ASSIGN(auto search, ObjectSearch::create(next, *loaded, cache_folder()));
   SL_ASSIGN(Servers servers, make_moved_servers(next));
   stop_views();
   stop_cameras();
+  if (search_) search_->stop();
   fusion_->stop();
   if (recorder_) (void)recorder_->stop();
   recorder_.reset();
@@ -332,7 +347,7 @@ Status Daemon::restart_all(Installation next) {
   }
   SL_RETURN_IF_ERROR(start_recorder(installation_));
   SL_RETURN_IF_ERROR(start_servers(installation_));
-  SL_RETURN_IF_ERROR(start_pipeline(installation_, *rig_, std::move(parts)));
+  SL_RETURN_IF_ERROR(start_pipeline(installation_, *rig_, std::move(parts), std::move(search)));
   return start_views(installation_, *rig_, std::move(views));
 }
 

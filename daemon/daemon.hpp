@@ -14,6 +14,7 @@
 #include "heartbeat.hpp"
 #include "recorder_unit.hpp"
 #include "rig.hpp"
+#include "search_unit.hpp"
 #include "sightline/base/counters.hpp"
 #include "sightline/config/installation.hpp"
 #include "sightline/control/http_server.hpp"
@@ -75,7 +76,7 @@ class Daemon {
   Result<CameraParts> prepare(const Installation& installation, const Rig& rig, size_t camera);
   Result<std::vector<CameraParts>> prepare_all(const Installation& installation, const Rig& rig);
   Status start_pipeline(const Installation& installation, const Rig& rig,
-                        std::vector<CameraParts> parts);
+                        std::vector<CameraParts> parts, std::unique_ptr<ObjectSearch> search);
   Status start_camera(const Installation& installation, const Rig& rig, CameraParts parts);
   void stop_cameras();
   Result<std::vector<ViewParts>> prepare_views(const Installation& installation,
@@ -100,6 +101,7 @@ class Daemon {
   std::shared_ptr<const Rig> rig_;
   std::shared_ptr<TrackBoard> board_;
   std::shared_ptr<FusionUnit> fusion_;
+  std::shared_ptr<SearchUnit> search_;  // null: nothing to search for
   std::shared_ptr<RecorderUnit> recorder_;
   std::unique_ptr<RtspServer> rtsp_;
   std::jthread rtsp_thread_;

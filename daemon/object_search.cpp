@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "object_views.hpp"
+#include "surface_spots.hpp"
 
 namespace sightline {
 namespace {
@@ -11,6 +12,15 @@ namespace {
 // Markers find an object faster and never mistake it.
 bool found_by_markers(const ObjectDescription& object) {
   return object.cues.fiducial && (object.board.has_value() || !object.fiducials.empty());
+}
+
+// Null where the mesh has no colours to tell its sides apart by.
+Result<std::unique_ptr<SurfaceLook>> make_look(const RigObject& object,
+                                               const std::vector<DetectorCamera>& cameras) {
+  SL_ASSIGN(std::vector<SurfaceSpot> spots,
+            surface_spots(object.description.mesh, object.description.meters_per_unit));
+  if (spots.empty()) return std::unique_ptr<SurfaceLook>();
+  return SurfaceLook::create(std::move(spots), cameras);
 }
 
 void append(const Detection& detection, std::vector<Observation>& out) {
@@ -37,6 +47,7 @@ Result<std::unique_ptr<ObjectSearch>> ObjectSearch::create(const Installation& i
     SL_ASSIGN(auto views, load_views(object, cache));
     Wanted wanted;
     wanted.object = object.named.id;
+    SL_ASSIGN(wanted.look, make_look(object, cameras));
     SL_ASSIGN(wanted.detector, ObjectDetector::create(object.named.id, std::move(views), cameras,
                                                       installation.detect.detector));
     search->wanted_.push_back(std::move(wanted));
@@ -61,7 +72,10 @@ bool ObjectSearch::due(Time now, std::span<const PoseTrackPtr> tracks) const {
 }
 
 void ObjectSearch::add_frame(CameraId camera, const Frame& frame) {
-  for (Wanted& wanted : wanted_) wanted.detector->add_frame(camera, frame);
+  for (Wanted& wanted : wanted_) {
+    wanted.detector->add_frame(camera, frame);
+    if (wanted.look) wanted.look->add_frame(camera, frame);
+  }
 }
 
 std::vector<Observation> ObjectSearch::search(Time now, std::span<const PoseTrackPtr> tracks) {
@@ -72,6 +86,7 @@ std::vector<Observation> ObjectSearch::search(Time now, std::span<const PoseTrac
     wanted.last = now;
     wanted.searched = true;
     wanted.found = wanted.detector->detect();
+    if (wanted.look) wanted.look->resolve(wanted.found);
     append(wanted.found, out);
   }
   return out;
@@ -82,6 +97,7 @@ std::vector<Observation> ObjectSearch::follow() {
   for (Wanted& wanted : wanted_) {
     if (wanted.found.poses.empty()) continue;
     wanted.found = wanted.detector->follow(wanted.found);
+    if (wanted.look) wanted.look->resolve(wanted.found);
     append(wanted.found, out);
   }
   return out;

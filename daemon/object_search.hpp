@@ -8,6 +8,7 @@
 
 #include "rig.hpp"
 #include "sightline/observe/object_detector.hpp"
+#include "sightline/observe/surface_look.hpp"
 
 namespace sightline {
 
@@ -39,6 +40,7 @@ class ObjectSearch {
   struct Wanted {
     ObjectId object;
     std::unique_ptr<ObjectDetector> detector;
+    std::unique_ptr<SurfaceLook> look;  ///< null: the mesh has no colours
     Time last{};
     bool searched = false;
     Detection found;

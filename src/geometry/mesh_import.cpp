@@ -226,6 +226,88 @@ class SceneReader {
   PolygonMesh out_;
 };
 
+/// Gathers what the scene's meshes are painted with. The scene has been checked by SceneReader.
+class SurfaceReader {
+ public:
+  SurfaceReader(const aiScene& scene, std::filesystem::path directory, float meters_per_unit)
+      : scene_(scene), directory_(std::move(directory)), scale_(meters_per_unit) {}
+
+  MeshSurface read() {
+    std::vector<std::pair<const aiNode*, Eigen::Matrix4f>> stack;
+    if (scene_.mRootNode != nullptr)
+      stack.emplace_back(scene_.mRootNode, Eigen::Matrix4f::Identity());
+    while (!stack.empty()) {
+      const auto [node, parent] = stack.back();
+      stack.pop_back();
+      const Eigen::Matrix4f root_from_node = parent * to_eigen(node->mTransformation);
+      for (unsigned i = 0; i < node->mNumMeshes; ++i) {
+        append(*scene_.mMeshes[node->mMeshes[i]], root_from_node);
+      }
+      for (unsigned i = 0; i < node->mNumChildren; ++i) {
+        stack.emplace_back(node->mChildren[i], root_from_node);
+      }
+    }
+    return std::move(out_);
+  }
+
+ private:
+  // -1: none, embedded, or not beside the mesh.
+  int texture_of(const aiMaterial* material) {
+    aiString name;
+    if (material == nullptr || material->GetTexture(aiTextureType_DIFFUSE, 0, &name) != AI_SUCCESS)
+      return -1;
+    const std::filesystem::path relative = std::filesystem::path(name.C_Str()).lexically_normal();
+    if (directory_.empty() || relative.empty() || relative.is_absolute() ||
+        *relative.begin() == ".." || name.C_Str()[0] == '*')
+      return -1;
+    const std::filesystem::path path = directory_ / relative;
+    const auto known = std::find(out_.textures.begin(), out_.textures.end(), path);
+    const auto index = static_cast<int>(known - out_.textures.begin());
+    if (known == out_.textures.end()) out_.textures.push_back(path);
+    return index;
+  }
+
+  void append(const aiMesh& mesh, const Eigen::Matrix4f& root_from_node) {
+    const aiMaterial* material = mesh.mMaterialIndex < scene_.mNumMaterials
+                                     ? scene_.mMaterials[mesh.mMaterialIndex]
+                                     : nullptr;
+    aiColor3D plain(0.6f, 0.6f, 0.6f);
+    if (material != nullptr) material->Get(AI_MATKEY_COLOR_DIFFUSE, plain);
+    const int texture = mesh.HasTextureCoords(0) ? texture_of(material) : -1;
+    for (unsigned f = 0; f < mesh.mNumFaces; ++f) {
+      const aiFace& face = mesh.mFaces[f];
+      for (unsigned k = 2; k < face.mNumIndices; ++k) {
+        SurfaceTriangle triangle;
+        triangle.color = {plain.r, plain.g, plain.b};
+        triangle.texture = texture;
+        const std::array<unsigned, 3> corners = {face.mIndices[0], face.mIndices[k - 1],
+                                                 face.mIndices[k]};
+        for (size_t i = 0; i < 3; ++i) {
+          const Eigen::Vector4f at = to_eigen(mesh.mVertices[corners[i]]).homogeneous();
+          triangle.corners[i] = scale_ * (root_from_node * at).head<3>();
+          if (texture >= 0) {
+            const aiVector3D& place = mesh.mTextureCoords[0][corners[i]];
+            triangle.places[i] = {place.x, place.y};
+          }
+        }
+        if (mesh.HasVertexColors(0)) {
+          triangle.color.setZero();
+          for (const unsigned corner : corners) {
+            const aiColor4D& c = mesh.mColors[0][corner];
+            triangle.color += Eigen::Vector3f(c.r, c.g, c.b) / 3;
+          }
+        }
+        out_.triangles.push_back(triangle);
+      }
+    }
+  }
+
+  const aiScene& scene_;
+  const std::filesystem::path directory_;
+  const float scale_;
+  MeshSurface out_;
+};
+
 Result<CheckedMesh> check(std::string_view content, const std::string& format,
                           const std::string& where) {
   if (format == "obj") return check_obj(content, where);
@@ -262,6 +344,32 @@ Result<TriangleMesh> import_mesh(std::string_view file, const std::string& forma
                       polygons.corner_counts.size(), *checked.faces);
   }
   return triangulate_polygons(polygons, where, options);
+} catch (const std::exception& e) {
+  return make_error(ErrorCode::kInvalidInput, where, "cannot read as {}: {}", format, e.what());
+}
+
+Result<MeshSurface> import_surface(std::string_view file, const std::string& format,
+                                   const std::string& where, const std::filesystem::path& directory,
+                                   const MeshOptions& options) try {
+  SL_ASSIGN(const CheckedMesh checked, check(file, format, where));
+  const std::string_view content = checked.content ? std::string_view(*checked.content) : file;
+  Assimp::Importer importer;
+  const std::string& read_as = checked.format.empty() ? format : checked.format;
+  keep_loaders_of(read_as, &importer);
+  const std::string name = "mesh." + read_as;
+  importer.SetIOHandler(new BoundedFiles(content, name, directory));  // importer deletes it
+  const aiScene* scene = importer.ReadFile(name, aiProcess_ValidateDataStructure);
+  if (scene == nullptr) {
+    return make_error(ErrorCode::kInvalidInput, where, "cannot read as {}: {}", format,
+                      importer.GetErrorString());
+  }
+  // Says what is wrong with indices.
+  SL_RETURN_IF_ERROR([&]() -> Status {
+    SL_ASSIGN([[maybe_unused]] const PolygonMesh polygons,
+              SceneReader(*scene, false, where, options).read());
+    return {};
+  }());
+  return SurfaceReader(*scene, directory, static_cast<float>(options.meters_per_unit)).read();
 } catch (const std::exception& e) {
   return make_error(ErrorCode::kInvalidInput, where, "cannot read as {}: {}", format, e.what());
 }

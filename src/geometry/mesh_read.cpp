@@ -29,6 +29,16 @@ Result<TriangleMesh> parse(std::string_view content, const std::string& format,
   return import_mesh(content, format, where, directory, options);
 }
 
+std::string format_of(const std::filesystem::path& path) {
+  std::string format = lower(path.extension().string());
+  if (!format.empty()) format.erase(0, 1);
+  return format;
+}
+
+std::filesystem::path folder_of(const std::filesystem::path& path) {
+  return path.has_parent_path() ? path.parent_path() : std::filesystem::path(".");
+}
+
 }  // namespace
 
 Result<TriangleMesh> parse_mesh(std::string_view content, const std::string& format,
@@ -38,11 +48,21 @@ Result<TriangleMesh> parse_mesh(std::string_view content, const std::string& for
 
 Result<TriangleMesh> read_mesh(const std::filesystem::path& path, const MeshOptions& options) {
   SL_ASSIGN(const std::string content, read_file(path, kMaxMeshBytes));
-  std::string format = lower(path.extension().string());
-  if (!format.empty()) format.erase(0, 1);
-  const std::filesystem::path directory =
-      path.has_parent_path() ? path.parent_path() : std::filesystem::path(".");
-  return parse(content, format, path.string(), directory, options);
+  return parse(content, format_of(path), path.string(), folder_of(path), options);
+}
+
+Result<MeshSurface> read_mesh_surface(const std::filesystem::path& path,
+                                      const MeshOptions& options) {
+  const std::string format = format_of(path);
+  if (format == "3vn" || format == "stl" || format == "off") return MeshSurface();
+  SL_ASSIGN(const std::string content, read_file(path, kMaxMeshBytes));
+  // Refuses what is no mesh, and says so.
+  SL_RETURN_IF_ERROR([&]() -> Status {
+    SL_ASSIGN([[maybe_unused]] const TriangleMesh mesh,
+              parse(content, format, path.string(), folder_of(path), options));
+    return {};
+  }());
+  return import_surface(content, format, path.string(), folder_of(path), options);
 }
 
 }  // namespace sightline

@@ -10,6 +10,7 @@
 
 #include "sightline/base/result.hpp"
 #include "sightline/geometry/mesh.hpp"
+#include "sightline/geometry/mesh_surface.hpp"
 
 namespace sightline {
 
@@ -40,6 +41,11 @@ void clip_ears(const std::vector<Eigen::Vector3f>& corners,
 Result<TriangleMesh> import_mesh(std::string_view content, const std::string& format,
                                  const std::string& where, const std::filesystem::path& directory,
                                  const MeshOptions& options);
+
+/// What read_mesh_surface() returns, of the formats read by assimp.
+Result<MeshSurface> import_surface(std::string_view content, const std::string& format,
+                                   const std::string& where, const std::filesystem::path& directory,
+                                   const MeshOptions& options);
 
 /// Normals of a welded mesh: at each corner the mean, by corner angle, of the faces around the
 /// vertex that are within the crease angle of the corner's own face.

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
+#include <memory>
 #include <utility>
 #include <vector>
 
@@ -23,6 +25,12 @@ class DetectionTerm : public PoseTerm {
     return best;
   }
   std::string_view kind() const override { return "detection"; }
+  /// The same less pose `k`; at least one has to stay.
+  PoseTermPtr without(size_t k) const {
+    std::vector<FrozenTerm> rest = poses_;
+    rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(k));
+    return std::make_shared<const DetectionTerm>(std::move(rest));
+  }
 
  private:
   std::vector<FrozenTerm> poses_;

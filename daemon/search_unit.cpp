@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "search_unit.hpp"
+
+#include "sightline/base/thread.hpp"
+
+namespace sightline {
+
+using namespace std::chrono_literals;
+
+namespace {
+
+constexpr Duration kTurn = 20ms;
+constexpr Duration kStallLimit = 10s;  // a search on a busy machine
+
+}  // namespace
+
+std::unique_ptr<SearchUnit> SearchUnit::start(std::unique_ptr<ObjectSearch> search, size_t cameras,
+                                              std::shared_ptr<TrackBoard> board,
+                                              std::function<void(Observation)> on_observation,
+                                              Registry& registry, HeartbeatBoard& beats) {
+  std::unique_ptr<SearchUnit> unit(new SearchUnit(std::move(search), cameras, std::move(board),
+                                                  std::move(on_observation), registry));
+  Heartbeat& heartbeat = beats.add("find", kStallLimit);
+  unit->thread_ = start_thread(
+      "find", [raw = unit.get(), &heartbeat](std::stop_token stop) { raw->run(stop, heartbeat); });
+  return unit;
+}
+
+SearchUnit::SearchUnit(std::unique_ptr<ObjectSearch> search, size_t cameras,
+                       std::shared_ptr<TrackBoard> board,
+                       std::function<void(Observation)> on_observation, Registry& registry)
+    : search_(std::move(search)),
+      board_(std::move(board)),
+      on_observation_(std::move(on_observation)),
+      searches_(registry.counter("sightline_searches_total",
+                                 "Times an object was looked for in whole pictures")),
+      found_(registry.counter("sightline_searches_found_total", "Searches that found an object")),
+      seconds_(registry.gauge("sightline_search_seconds", "Duration of the newest search")),
+      newest_(cameras) {}
+
+void SearchUnit::push(const FramePtr& frame) {
+  const size_t index = frame->info().camera.index();
+  if (!wanted_ || frame->info().status == FrameStatus::kDamaged || index >= newest_.size()) return;
+  FramePtr replaced = frame;  // released outside the lock
+  std::lock_guard lock(mutex_);
+  newest_[index].swap(replaced);
+}
+
+void SearchUnit::stop() {
+  thread_.request_stop();
+  if (thread_.joinable()) thread_.join();
+}
+
+void SearchUnit::run(std::stop_token stop, Heartbeat& heartbeat) {
+  while (!stop.stop_requested()) {
+    heartbeat.beat();
+    board_->read(tracks_);
+    const bool due = search_->due(MonotonicClock::now(), tracks_);
+    wanted_ = due;
+    if (!due) let_go();
+    if (due && take_frames()) search();
+    wait(stop, kTurn);
+  }
+  heartbeat.retire();
+}
+
+bool SearchUnit::take_frames() {
+  bool any = false;
+  for (size_t i = 0; i < newest_.size(); ++i) {
+    FramePtr frame;
+    {
+      std::lock_guard lock(mutex_);
+      frame.swap(newest_[i]);
+    }
+    if (!frame) continue;
+    search_->add_frame(CameraId(static_cast<uint32_t>(i)), *frame);
+    any = true;
+  }
+  return any;
+}
+
+void SearchUnit::let_go() {
+  for (FramePtr& held : newest_) {
+    FramePtr released;
+    std::lock_guard lock(mutex_);
+    released.swap(held);
+  }
+}
+
+void SearchUnit::search() {
+  const Time start = MonotonicClock::now();
+  std::vector<Observation> found = search_->search(start, tracks_);
+  searches_.add();
+  if (!found.empty() && take_frames()) {
+    std::vector<Observation> now = search_->follow();
+    if (!now.empty()) found = std::move(now);
+  }
+  seconds_.set(to_seconds(MonotonicClock::now() - start));
+  if (!found.empty()) found_.add();
+  for (Observation& observation : found) on_observation_(std::move(observation));
+}
+
+void SearchUnit::wait(std::stop_token stop, Duration duration) {
+  std::unique_lock lock(mutex_);
+  never_.wait_for(lock, stop, duration, [] { return false; });
+}
+
+}  // namespace sightline

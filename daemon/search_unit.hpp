@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+#include "heartbeat.hpp"
+#include "object_search.hpp"
+#include "sightline/base/counters.hpp"
+#include "track_board.hpp"
+
+namespace sightline {
+
+/// The thread ("find") that looks for objects whose place nobody knows, in the newest frame of each
+/// camera. While every object is known it holds no frame and costs nothing. Its results are late by
+/// the time that a search takes; the poses are taken on to the newest frames before they go out.
+class SearchUnit {
+ public:
+  /// `on_observation` is called on the unit's thread and must not block.
+  static std::unique_ptr<SearchUnit> start(std::unique_ptr<ObjectSearch> search, size_t cameras,
+                                           std::shared_ptr<TrackBoard> board,
+                                           std::function<void(Observation)> on_observation,
+                                           Registry& registry, HeartbeatBoard& beats);
+  ~SearchUnit() { stop(); }
+
+  /// Takes a frame, which wears the CameraId of the installation; from any thread, never waits. An
+  /// older one of the same camera is dropped.
+  void push(const FramePtr& frame);
+  void stop();
+
+ private:
+  SearchUnit(std::unique_ptr<ObjectSearch> search, size_t cameras,
+             std::shared_ptr<TrackBoard> board, std::function<void(Observation)> on_observation,
+             Registry& registry);
+  void run(std::stop_token stop, Heartbeat& heartbeat);
+  /// Hands the newest frames to the search; false if there is none.
+  bool take_frames();
+  void let_go();
+  void search();
+  void wait(std::stop_token stop, Duration duration);
+
+  std::unique_ptr<ObjectSearch> search_;
+  std::shared_ptr<TrackBoard> board_;
+  std::function<void(Observation)> on_observation_;
+  Counter &searches_, &found_;
+  Gauge& seconds_;
+  std::atomic<bool> wanted_{true};
+  std::mutex mutex_;  // guards newest_
+  std::condition_variable_any never_;
+  std::vector<FramePtr> newest_;  // by CameraId
+  std::vector<PoseTrackPtr> tracks_;
+  std::jthread thread_;
+};
+
+}  // namespace sightline

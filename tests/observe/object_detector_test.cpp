@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sightline/observe/object_detector.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <numbers>
+
+#include "mesh_depth_renderer.hpp"
+#include "scan_kernel.hpp"
+#include "sightline/base/cpu.hpp"
+#include "support/random.hpp"
+#include "support/scene_rig.hpp"
+#include "support/scene_shapes.hpp"
+
+namespace sightline::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr ObjectId kObject(3);
+
+std::shared_ptr<const ViewpointModel> views_of(const TriangleMesh& mesh) {
+  ViewpointModelOptions options;
+  options.subdivisions = 2;
+  options.picture_px = 240;
+  const auto render_mesh = std::make_shared<const RenderMesh>(make_render_mesh(mesh));
+  return ViewpointModel::build(mesh, mesh_depth_renderer_factory(render_mesh), options).value();
+}
+
+Rigid3 turned(double angle, const Eigen::Vector3d& axis, const Eigen::Vector3d& place) {
+  return {Eigen::Quaterniond(Eigen::AngleAxisd(angle, axis.normalized())), place};
+}
+
+// Three cameras in a cluttered room; `shape` rests or moves in their middle.
+SceneRigOptions scene(const TriangleMesh& shape, ScenePath path) {
+  SceneRigOptions options;
+  options.azimuths_deg = {0, 70, 150};
+  options.shape = std::make_shared<const RayMesh>(shape);
+  options.paint.kind = shape.face_colors.empty() ? Paint::Kind::kPlain : Paint::Kind::kFaces;
+  options.path = std::move(path);
+  options.duration = 200ms;
+  return options;
+}
+
+std::unique_ptr<ObjectDetector> detector_for(const SceneRig& rig, const TriangleMesh& mesh) {
+  std::vector<DetectorCamera> cameras;
+  for (size_t i = 0; i < rig.cameras().size(); ++i) {
+    cameras.push_back({CameraId(static_cast<uint32_t>(i)), rig.cameras()[i]});
+  }
+  DetectorOptions options;
+  options.nearest = 0.55;
+  options.farthest = 0.9;
+  return ObjectDetector::create(kObject, views_of(mesh), cameras, options).value();
+}
+
+void add_first_frames(const SceneRig& rig, ObjectDetector& detector) {
+  std::vector<bool> seen(rig.cameras().size());
+  for (const SceneShot& shot : rig.shots()) {
+    const auto camera = static_cast<size_t>(shot.camera);
+    if (seen[camera]) continue;
+    seen[camera] = true;
+    detector.add_frame(CameraId(static_cast<uint32_t>(camera)), *rig.shoot(shot));
+  }
+}
+
+// Every camera is searched once, until something is found.
+Detection first_found(const SceneRig& rig, ObjectDetector& detector) {
+  Detection found;
+  for (size_t i = 0; i < rig.cameras().size() && found.poses.empty(); ++i) {
+    found = detector.detect();
+  }
+  return found;
+}
+
+TEST(ObjectDetector, FindsWhatLiesThere) {
+  const TriangleMesh mesh = make_truck();
+  const SceneRig rig(scene(mesh, resting(turned(0.8, {1, 2, 3}, {0.03, -0.02, 0.01}))));
+  const auto detector = detector_for(rig, mesh);
+  add_first_frames(rig, *detector);
+  const Detection found = first_found(rig, *detector);
+  ASSERT_EQ(found.poses.size(), 1u);
+  const Rigid3 truth = rig.truth(found.time);
+  EXPECT_LT(translation_distance(found.poses[0].world_from_object, truth), 0.006);
+  EXPECT_LT(rotation_angle(found.poses[0].world_from_object, truth), 0.06);
+  EXPECT_LT(found.runner_up, 0.8 * found.poses[0].evidence);
+  ASSERT_GE(found.observations.size(), 2u);
+  for (const Observation& observation : found.observations) {
+    EXPECT_EQ(observation.object, kObject);
+    ASSERT_EQ(observation.terms.size(), 1u);
+    ASSERT_EQ(observation.hypotheses.size(), 1u);
+    const LinearizedTerm term = observation.terms[0]->linearize(truth);
+    EXPECT_GT(term.residuals, 0);
+    EXPECT_EQ(observation.terms[0]->kind(), "detection");
+  }
+  // The same frames again: nothing has moved.
+  const Detection again = detector->follow(found);
+  ASSERT_EQ(again.poses.size(), 1u);
+  EXPECT_LT(translation_distance(again.poses[0].world_from_object, truth), 0.006);
+}
+
+TEST(ObjectDetector, FindsWhatMovesBetweenFreeRunningCameras) {
+  const TriangleMesh mesh = make_truck();
+  const ScenePath path = [](Time time) {
+    const double t = to_seconds(time - Time{}) - 1.0;
+    return turned(0.5 + 2.0 * t, {0.2, 0.1, 1}, {0.6 * t, 0.3 * t, 0});
+  };
+  SceneRigOptions options = scene(mesh, path);
+  options.phases = {0, 0.3, 0.7};
+  const SceneRig rig(options);
+  const auto detector = detector_for(rig, mesh);
+  add_first_frames(rig, *detector);
+  const Detection found = first_found(rig, *detector);
+  ASSERT_EQ(found.poses.size(), 1u);
+  EXPECT_LT(translation_distance(found.poses[0].world_from_object, rig.truth(found.time)), 0.008);
+  Time before{};
+  for (const Observation& observation : found.observations) {
+    EXPECT_GE(observation.capture, before);
+    before = observation.capture;
+    const Rigid3 truth = rig.truth(observation.capture);
+    EXPECT_LT(translation_distance(observation.hypotheses[0].world_from_object, truth), 0.01);
+  }
+}
+
+TEST(ObjectDetector, DoesNotSeeWhatIsNotThere) {
+  const TriangleMesh mesh = make_truck();
+  SceneRigOptions options = scene(mesh, resting(Rigid3(Eigen::Quaterniond::Identity(), {0, 0, 9})));
+  const SceneRig empty(options);
+  const auto detector = detector_for(empty, mesh);
+  EXPECT_TRUE(detector->detect().poses.empty()) << "without a frame";
+  add_first_frames(empty, *detector);
+  for (int i = 0; i < 3; ++i) EXPECT_TRUE(detector->detect().poses.empty());
+}
+
+TEST(ObjectDetector, DoesNotTakeAnotherThingForIt) {
+  const SceneRig rig(scene(make_creature(2000), resting(turned(0.4, {1, 0, 2}, {0, 0, 0}))));
+  const auto detector = detector_for(rig, make_truck());
+  add_first_frames(rig, *detector);
+  for (int i = 0; i < 3; ++i) {
+    const Detection found = detector->detect();
+    EXPECT_TRUE(found.poses.empty()) << found.poses[0].evidence;
+  }
+}
+
+TEST(ObjectDetector, ReturnsAllPosesOfASymmetricThing) {
+  const TriangleMesh mesh = make_carton();
+  const SceneRig rig(scene(mesh, resting(turned(0.7, {1, 3, 2}, {0.01, 0.02, 0}))));
+  const auto detector = detector_for(rig, mesh);
+  add_first_frames(rig, *detector);
+  const Detection found = first_found(rig, *detector);
+  ASSERT_EQ(found.poses.size(), 4u) << "a box looks the same after half a turn about each axis";
+  const Rigid3 truth = rig.truth(found.time);
+  double nearest = std::numbers::pi;
+  for (const DetectedPose& pose : found.poses) {
+    nearest = std::min(nearest, rotation_angle(pose.world_from_object, truth));
+    EXPECT_LT(translation_distance(pose.world_from_object, truth), 0.01);
+  }
+  EXPECT_LT(nearest, 0.08);
+  ASSERT_FALSE(found.observations.empty());
+  const Observation& observation = found.observations.front();
+  ASSERT_EQ(observation.hypotheses.size(), 4u);
+  for (const PoseHypothesis& pose : observation.hypotheses) {
+    const LinearizedTerm term = observation.terms[0]->linearize(pose.world_from_object);
+    EXPECT_NEAR(term.cost, pose.cost, 1e-6) << "each is a minimum of its own";
+  }
+}
+
+TEST(ObjectDetector, GivesTheSameTwice) {
+  const TriangleMesh mesh = make_truck();
+  const SceneRig rig(scene(mesh, resting(turned(2.0, {3, 1, 1}, {0, 0.03, 0}))));
+  const auto one = detector_for(rig, mesh), two = detector_for(rig, mesh);
+  add_first_frames(rig, *one);
+  add_first_frames(rig, *two);
+  const Detection a = one->detect(), b = two->detect();
+  ASSERT_EQ(a.poses.size(), b.poses.size());
+  EXPECT_EQ(a.runner_up, b.runner_up);
+  for (size_t i = 0; i < a.poses.size(); ++i) {
+    EXPECT_EQ(a.poses[i].world_from_object.matrix(), b.poses[i].world_from_object.matrix());
+  }
+}
+
+TEST(ObjectDetector, RefusesWhatMakesNoSense) {
+  const auto views = views_of(make_carton());
+  EXPECT_FALSE(ObjectDetector::create(kObject, views, {}));
+  SceneRigOptions options = scene(make_carton(), resting(Rigid3()));
+  options.azimuths_deg = {0};
+  const SceneRig rig(options);
+  const std::vector<DetectorCamera> cameras = {{CameraId(0), rig.cameras()[0]}};
+  const auto refused = [&](auto change) {
+    DetectorOptions o;
+    change(o);
+    const auto made = ObjectDetector::create(kObject, views, cameras, o);
+    return !made && made.error().code == ErrorCode::kInvalidInput;
+  };
+  EXPECT_TRUE(refused([](auto& o) { o.nearest = 2, o.farthest = 1; }));
+  EXPECT_TRUE(refused([](auto& o) { o.accept = 0; }));
+  EXPECT_TRUE(refused([](auto& o) { o.margin = 1.5; }));
+  EXPECT_TRUE(refused([](auto& o) { o.refined = 0; }));
+}
+
+TEST(ScanKernel, IsTheSameWithAndWithoutAvx2) {
+#ifdef SIGHTLINE_X86_64
+  if (!cpu_has_avx2()) GTEST_SKIP() << "this processor has no AVX2";
+  Random random(5);
+  std::vector<uint8_t> map(4000);
+  for (uint8_t& value : map) value = static_cast<uint8_t>(random.uniform(0, 8.99));
+  std::vector<const uint8_t*> features;
+  for (int i = 0; i < 31; ++i) {
+    features.push_back(map.data() + static_cast<size_t>(random.uniform(0, 3000)));
+  }
+  for (const int columns : {1, 31, 32, 33, 160, 161, 320, 500}) {
+    for (const uint8_t threshold : {1, 120, 160, 249}) {
+      std::vector<uint8_t> a(600), b(600);
+      EXPECT_EQ(sum_features_scalar(features, columns, threshold, a.data()),
+                sum_features_avx2(features, columns, threshold, b.data()));
+      EXPECT_EQ(a, b);
+    }
+  }
+#endif
+}
+
+}  // namespace
+}  // namespace sightline::test
