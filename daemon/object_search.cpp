@@ -9,6 +9,12 @@
 namespace sightline {
 namespace {
 
+// The colours of the mesh may be anything, so they do not refuse a pose; but where they agree with
+// the pictures, less of outline and edges is enough.
+constexpr double kColoursAgree = 0.35;  // correlation
+constexpr double kWithColours = 0.75;   // of the evidence that is asked for
+constexpr double kWithoutColours = 1.35;
+
 // Markers find an object faster and never mistake it.
 bool found_by_markers(const ObjectDescription& object) {
   return object.cues.fiducial && (object.board.has_value() || !object.fiducials.empty());
@@ -23,6 +29,24 @@ Result<std::unique_ptr<SurfaceLook>> make_look(const RigObject& object,
   return SurfaceLook::create(std::move(spots), cameras);
 }
 
+// Mean over the cameras that see it; 0 without colours.
+double likeness(const SurfaceLook* look, const Detection& detection) {
+  if (look == nullptr || detection.observations.empty()) return 0;
+  double sum = 0;
+  for (const Observation& observation : detection.observations) {
+    sum += look->likeness(observation, observation.hypotheses.front().world_from_object);
+  }
+  return sum / static_cast<double>(detection.observations.size());
+}
+
+// What is left of a detection after the colours have been asked; nothing if it is too weak then.
+Detection believed(Detection detection, const SurfaceLook* look, double accept) {
+  if (look != nullptr) look->resolve(detection);
+  if (detection.poses.empty() || likeness(look, detection) >= kColoursAgree) return detection;
+  const double needed = kWithoutColours * accept;
+  return detection.poses.front().evidence >= needed ? detection : Detection();
+}
+
 void append(const Detection& detection, std::vector<Observation>& out) {
   out.insert(out.end(), detection.observations.begin(), detection.observations.end());
 }
@@ -35,6 +59,7 @@ Result<std::unique_ptr<ObjectSearch>> ObjectSearch::create(const Installation& i
   std::unique_ptr<ObjectSearch> search(new ObjectSearch());
   if (!installation.detect.enabled) return std::unique_ptr<ObjectSearch>();
   search->interval_ = installation.detect.interval;
+  search->accept_ = installation.detect.detector.accept;
   std::vector<DetectorCamera> cameras;
   for (size_t i = 0; i < installation.cameras.size(); ++i) {
     const CameraConfig& camera = installation.cameras[i];
@@ -48,8 +73,10 @@ Result<std::unique_ptr<ObjectSearch>> ObjectSearch::create(const Installation& i
     Wanted wanted;
     wanted.object = object.named.id;
     SL_ASSIGN(wanted.look, make_look(object, cameras));
-    SL_ASSIGN(wanted.detector, ObjectDetector::create(object.named.id, std::move(views), cameras,
-                                                      installation.detect.detector));
+    DetectorOptions options = installation.detect.detector;
+    if (wanted.look) options.accept *= kWithColours;
+    SL_ASSIGN(wanted.detector,
+              ObjectDetector::create(object.named.id, std::move(views), cameras, options));
     search->wanted_.push_back(std::move(wanted));
   }
   if (search->wanted_.empty()) return std::unique_ptr<ObjectSearch>();
@@ -85,8 +112,7 @@ std::vector<Observation> ObjectSearch::search(Time now, std::span<const PoseTrac
     if (!due(wanted, now, tracks)) continue;
     wanted.last = now;
     wanted.searched = true;
-    wanted.found = wanted.detector->detect();
-    if (wanted.look) wanted.look->resolve(wanted.found);
+    wanted.found = believed(wanted.detector->detect(), wanted.look.get(), accept_);
     append(wanted.found, out);
   }
   return out;
@@ -96,8 +122,7 @@ std::vector<Observation> ObjectSearch::follow() {
   std::vector<Observation> out;
   for (Wanted& wanted : wanted_) {
     if (wanted.found.poses.empty()) continue;
-    wanted.found = wanted.detector->follow(wanted.found);
-    if (wanted.look) wanted.look->resolve(wanted.found);
+    wanted.found = believed(wanted.detector->follow(wanted.found), wanted.look.get(), accept_);
     append(wanted.found, out);
   }
   return out;

@@ -49,6 +49,7 @@ class ObjectSearch {
   bool due(const Wanted& wanted, Time now, std::span<const PoseTrackPtr> tracks) const;
 
   Duration interval_{};
+  double accept_ = 0;
   std::vector<Wanted> wanted_;
 };
 

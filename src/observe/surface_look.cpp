@@ -16,7 +16,7 @@ constexpr size_t kLeastSpots = 50;
 constexpr size_t kLeastSeen = 40;       // spots of one camera that can be compared
 constexpr float kLeastFacing = 0.3f;    // cosine between normal and line of sight
 constexpr double kLeastLikeness = 0.3;  // below it the colours say nothing
-constexpr double kClearly = 0.15;       // less alike than the best one
+constexpr double kClearly = 0.1;        // less alike than the best one
 
 struct Seen {
   FrameInfo info;

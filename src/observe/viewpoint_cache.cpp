@@ -230,7 +230,8 @@ Result<std::shared_ptr<const ViewpointModel>> ViewpointModelBuilder::read(
     const float crease = in.number<float>();
     sample.crease = crease == 0 ? 0 : 1;
     if (!near_center(sample.point, model->center_, model->radius_) || !unit(sample.tangent) ||
-        !within(sample.clearance, 0, longest) || (crease != 0 && crease != 1)) {
+        !within(sample.clearance, 0, longest) || std::signbit(crease) ||
+        (crease != 0 && crease != 1)) {
       return damaged("an edge sample");
     }
   }

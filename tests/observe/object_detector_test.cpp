@@ -4,11 +4,13 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <array>
 #include <numbers>
 
 #include "mesh_depth_renderer.hpp"
 #include "scan_kernel.hpp"
 #include "sightline/base/cpu.hpp"
+#include "sightline/observe/surface_look.hpp"
 #include "support/random.hpp"
 #include "support/scene_rig.hpp"
 #include "support/scene_shapes.hpp"
@@ -54,7 +56,8 @@ std::unique_ptr<ObjectDetector> detector_for(const SceneRig& rig, const Triangle
   return ObjectDetector::create(kObject, views_of(mesh), cameras, options).value();
 }
 
-void add_first_frames(const SceneRig& rig, ObjectDetector& detector) {
+template <typename Detector>
+void add_first_frames(const SceneRig& rig, Detector& detector) {
   std::vector<bool> seen(rig.cameras().size());
   for (const SceneShot& shot : rig.shots()) {
     const auto camera = static_cast<size_t>(shot.camera);
@@ -165,6 +168,67 @@ TEST(ObjectDetector, ReturnsAllPosesOfASymmetricThing) {
   }
 }
 
+// Every side of the box in a colour of its own.
+TriangleMesh coloured_carton() {
+  TriangleMesh mesh = make_carton();
+  mesh.face_colors.clear();
+  for (const auto& face : mesh.faces) {
+    const Eigen::Vector3f& p = mesh.vertices[face[0]];
+    const Eigen::Vector3f normal =
+        (mesh.vertices[face[1]] - p).cross(mesh.vertices[face[2]] - p).normalized();
+    mesh.face_colors.push_back((Eigen::Vector3f::Constant(0.45f) + 0.4f * normal).cwiseMax(0.05f));
+  }
+  return mesh;
+}
+
+std::vector<SurfaceSpot> spots_of(const TriangleMesh& mesh) {
+  std::vector<SurfaceSpot> spots;
+  Random random(3);
+  for (size_t f = 0; f < mesh.faces.size(); ++f) {
+    const Eigen::Vector3f& p = mesh.vertices[mesh.faces[f][0]];
+    const Eigen::Vector3f u = mesh.vertices[mesh.faces[f][1]] - p;
+    const Eigen::Vector3f v = mesh.vertices[mesh.faces[f][2]] - p;
+    const Eigen::Vector3f rgb = mesh.face_colors[f].array().pow(1 / 2.2f);
+    const float luma = 0.299f * rgb.x() + 0.587f * rgb.y() + 0.114f * rgb.z();
+    const Eigen::Vector3f yuv(16 + 219 * luma, 128 + 126 * (rgb.z() - luma),
+                              128 + 160 * (rgb.x() - luma));
+    for (int i = 0; i < 100; ++i) {
+      float a = static_cast<float>(random.uniform()), b = static_cast<float>(random.uniform());
+      if (a + b > 1) a = 1 - a, b = 1 - b;
+      spots.push_back({p + a * u + b * v, u.cross(v).normalized(), yuv});
+    }
+  }
+  return spots;
+}
+
+TEST(SurfaceLook, DecidesBetweenLookAlikesByColour) {
+  const TriangleMesh mesh = coloured_carton();
+  const SceneRig rig(scene(mesh, resting(turned(0.7, {1, 3, 2}, {0.01, 0.02, 0}))));
+  const auto detector = detector_for(rig, mesh);
+  std::vector<DetectorCamera> cameras;
+  for (size_t i = 0; i < rig.cameras().size(); ++i) {
+    cameras.push_back({CameraId(static_cast<uint32_t>(i)), rig.cameras()[i]});
+  }
+  EXPECT_FALSE(SurfaceLook::create({}, cameras));
+  const auto look = SurfaceLook::create(spots_of(mesh), cameras).value();
+  add_first_frames(rig, *detector);
+  Detection found = first_found(rig, *detector);
+  ASSERT_GT(found.poses.size(), 1u);
+  const Detection before = found;
+  look->resolve(found);
+  EXPECT_EQ(found.poses.size(), before.poses.size()) << "without pictures nothing is decided";
+  add_first_frames(rig, *look);
+  look->resolve(found);
+  ASSERT_EQ(found.poses.size(), 1u);
+  EXPECT_LT(rotation_angle(found.poses[0].world_from_object, rig.truth(found.time)), 0.08);
+  for (const Observation& observation : found.observations) {
+    ASSERT_EQ(observation.hypotheses.size(), 1u);
+    const Rigid3& pose = observation.hypotheses[0].world_from_object;
+    EXPECT_GT(look->likeness(observation, pose), 0.5);
+    EXPECT_NEAR(observation.terms[0]->linearize(pose).cost, observation.hypotheses[0].cost, 1e-6);
+  }
+}
+
 TEST(ObjectDetector, GivesTheSameTwice) {
   const TriangleMesh mesh = make_truck();
   const SceneRig rig(scene(mesh, resting(turned(2.0, {3, 1, 1}, {0, 0.03, 0}))));
@@ -209,7 +273,7 @@ TEST(ScanKernel, IsTheSameWithAndWithoutAvx2) {
     features.push_back(map.data() + static_cast<size_t>(random.uniform(0, 3000)));
   }
   for (const int columns : {1, 31, 32, 33, 160, 161, 320, 500}) {
-    for (const uint8_t threshold : {1, 120, 160, 249}) {
+    for (const uint8_t threshold : std::array<uint8_t, 4>{1, 120, 160, 249}) {
       std::vector<uint8_t> a(600), b(600);
       EXPECT_EQ(sum_features_scalar(features, columns, threshold, a.data()),
                 sum_features_avx2(features, columns, threshold, b.data()));
