@@ -10,15 +10,25 @@ namespace {
 
 constexpr double kClutterResponse = 0.4;  // what a cluttered place gives to anything
 constexpr double kSpreadShare = 0.16;     // of the radius, [half-size px per px of the maps]
+constexpr double kUsualSpeed = 0.4;       // [m/s] of what is looked for
 constexpr std::array<double, 5> kDepthSteps = {0.9, 0.95, 1.0, 1.05, 1.1};
 
 bool better(const JointPose& a, const JointPose& b) { return a.score > b.score; }
 
 }  // namespace
 
-const ResponseMaps& SearchCamera::far(double radius_px) const {
-  const long spread = std::lround(kSpreadShare * radius_px);
-  return maps[static_cast<size_t>(std::clamp(spread, 2L, static_cast<long>(kSpreads)) - 1)];
+int SearchCamera::motion_px(double scale) const {
+  return static_cast<int>(std::lround(2 * kUsualSpeed * std::abs(seconds) * scale));
+}
+
+const ResponseMaps& SearchCamera::far(double scale, double radius) const {
+  const int steps = static_cast<int>(std::lround(kSpreadShare * scale * radius));
+  const int spread = std::max(2, steps) + motion_px(scale);
+  return maps[static_cast<size_t>(std::min(spread, kSpreads) - 1)];
+}
+
+const ResponseMaps& SearchCamera::near(double scale) const {
+  return maps[static_cast<size_t>(std::min(motion_px(scale), kSpreads - 1))];
 }
 
 std::vector<ScanHit> JointSearch::scan_camera(size_t camera, ScanRange range) const {
@@ -27,8 +37,8 @@ std::vector<ScanHit> JointSearch::scan_camera(size_t camera, ScanRange range) co
   std::vector<ScanHit> out;
   for (size_t i = 0; i < scales.size(); ++i) {
     range.scales = {scales[i]};
-    const double radius = static_cast<double>(scales[i]) * bank_.model().radius();
-    for (ScanHit hit : scan(bank_, cameras_[camera].far(radius), range)) {
+    const auto scale = static_cast<double>(scales[i]);
+    for (ScanHit hit : scan(bank_, cameras_[camera].far(scale, bank_.model().radius()), range)) {
       hit.scale = static_cast<uint16_t>(i);
       out.push_back(hit);
     }
@@ -42,8 +52,9 @@ double JointSearch::camera_score(size_t camera, const Rigid3& world_from_object,
   const auto flat = bank_.flatten(seen_by.camera->model,
                                   seen_by.camera_from_world * world_from_object, seen_by.shrink);
   if (!flat) return -1;
-  const double radius = static_cast<double>(flat->scale) * bank_.model().radius();
-  const ResponseMaps& maps = spread == Spread::kFar ? seen_by.far(radius) : seen_by.near();
+  const auto scale = static_cast<double>(flat->scale);
+  const ResponseMaps& maps =
+      spread == Spread::kFar ? seen_by.far(scale, bank_.model().radius()) : seen_by.near(scale);
   if (flat->x < 0 || flat->y < 0 || flat->x >= static_cast<float>(maps.width()) ||
       flat->y >= static_cast<float>(maps.height()))
     return -1;
@@ -93,7 +104,7 @@ double JointSearch::sweep_score(const Sweep& sweep, const Eigen::Vector3d& cente
   // Rounded by the cast below.
   const float x = (static_cast<float>(pixel->x()) + 0.5f) / shrink;
   const float y = (static_cast<float>(pixel->y()) + 0.5f) / shrink;
-  const ResponseMaps& maps = sweep.seen_by.far(static_cast<double>(scale) * bank_.model().radius());
+  const ResponseMaps& maps = sweep.seen_by.far(static_cast<double>(scale), bank_.model().radius());
   if (x < 0 || y < 0 || x >= static_cast<float>(maps.width()) ||
       y >= static_cast<float>(maps.height()))
     return -1;

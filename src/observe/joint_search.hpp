@@ -14,16 +14,22 @@ namespace sightline {
 
 /// What the search sees of one camera: responses to edges spread over 1, 2, ... half-size pixels.
 struct SearchCamera {
-  static constexpr int kSpreads = 5;
+  static constexpr int kSpreads = 7;
   const CalibratedCamera* camera = nullptr;
   Rigid3 camera_from_world;
-  double shrink = 4;  ///< picture pixels per pixel of the maps
+  double shrink = 4;   ///< picture pixels per pixel of the maps
+  double seconds = 0;  ///< captured after the camera that is searched
   std::array<ResponseMaps, kSpreads> maps;
 
   /// Of the spread that allows for what the steps of the search leave open: the larger the object
-  /// looks (radius [px of the maps]), the more its outline moves from one step to the next.
-  const ResponseMaps& far(double radius_px) const;
-  const ResponseMaps& near() const { return maps[0]; }
+  /// looks (`scale` [px/m of the maps], `radius` [m]), the more its outline moves from one step to
+  /// the next, and while it moves from one camera's exposure to the other's.
+  const ResponseMaps& far(double scale, double radius) const;
+  /// Of the spread that its motion alone asks for.
+  const ResponseMaps& near(double scale) const;
+
+ private:
+  int motion_px(double scale) const;
 };
 
 struct JointPose {

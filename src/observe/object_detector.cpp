@@ -284,6 +284,7 @@ class ObjectDetector::Impl {
   void set_times(Time reference) {
     for (size_t i = 0; i < active_.size(); ++i) {
       fit_cameras_[i].seconds = to_seconds(seen_[active_[i]].info.capture - reference);
+      search_cameras_[i].seconds = fit_cameras_[i].seconds;
     }
   }
 

@@ -106,7 +106,7 @@ TEST(ObjectDetector, FindsWhatMovesBetweenFreeRunningCameras) {
   const TriangleMesh mesh = make_truck();
   const ScenePath path = [](Time time) {
     const double t = to_seconds(time - Time{}) - 1.0;
-    return turned(0.5 + 2.0 * t, {0.2, 0.1, 1}, {0.6 * t, 0.3 * t, 0});
+    return turned(0.8 + 1.2 * t, {1, 2, 3}, {0.03 + 0.3 * t, 0.2 * t - 0.04, 0.01});
   };
   SceneRigOptions options = scene(mesh, path);
   options.phases = {0, 0.3, 0.7};
