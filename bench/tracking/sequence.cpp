@@ -1,0 +1,209 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sequence.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <ctime>
+#include <numbers>
+
+#include "camera_observer.hpp"
+#include "object_search.hpp"
+#include "object_views.hpp"
+#include "pictures.hpp"
+#include "shot_store.hpp"
+#include "sightline/config/object_file.hpp"
+#include "sightline/fuse/estimator.hpp"
+#include "sightline/record/evaluate.hpp"
+#include "support/scene_shapes.hpp"
+
+namespace sightline::bench {
+namespace {
+
+constexpr double kFailMm = 50, kFailDeg = 5;
+
+double cpu_ms() {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) * 1e3 + static_cast<double>(now.tv_nsec) * 1e-6;
+}
+
+Result<Installation> installation_of(const Condition& condition, const test::SceneRig& rig) {
+  std::error_code ignored;
+  const auto folder = std::filesystem::temp_directory_path() / "sightline_bench_tracking";
+  std::filesystem::create_directories(folder, ignored);
+  SL_ASSIGN(const auto file, test::write_object(folder, rig.options().name,
+                                                rig.options().shape->mesh(), condition.symmetry));
+  Installation installation;
+  installation.name = condition.name;
+  ObjectConfig object;
+  SL_ASSIGN(object.description, read_object_file(file));
+  installation.objects.push_back(std::move(object));
+  for (const CalibratedCamera& calibration : rig.cameras()) {
+    installation.cameras.push_back({.name = calibration.name,
+                                    .recording = {},
+                                    .recorded_as = {},
+                                    .calibration = calibration,
+                                    .overlay = {},
+                                    .where = {}});
+  }
+  return installation;
+}
+
+/// The product's own chain over one sequence.
+class Chain {
+ public:
+  static Result<std::unique_ptr<Chain>> create(const Condition& condition,
+                                               const test::SceneRig& rig) {
+    auto chain = std::unique_ptr<Chain>(new Chain());
+    SL_ASSIGN(chain->installation_, installation_of(condition, rig));
+    SL_ASSIGN(chain->rig_, load_rig(chain->installation_));
+    SL_RETURN_IF_ERROR(chain->restart());
+    if (condition.start == Start::kCold) {
+      SL_ASSIGN(chain->search_,
+                ObjectSearch::create(chain->installation_, chain->rig_, cache_folder()));
+    }
+    return chain;
+  }
+
+  /// Forgets everything.
+  Status restart() {
+    observers_.clear();
+    for (uint32_t i = 0; i < installation_.cameras.size(); ++i) {
+      SL_ASSIGN(auto observer, CameraObserver::create(installation_, rig_, CameraId(i)));
+      observers_.push_back(std::move(observer));
+    }
+    SL_ASSIGN(ObjectEstimator estimator,
+              ObjectEstimator::create(installation_.estimator, ObjectId(0)));
+    estimator_ = std::make_unique<ObjectEstimator>(std::move(estimator));
+    tracks_ = {estimator_->track()};
+    return {};
+  }
+
+  void look(const Frame& frame, std::vector<Observation>& set) {
+    observers_[frame.info().camera.index()]->step(frame, tracks_, set);
+  }
+  Observation start(const Frame& frame, const Rigid3& pose) {
+    Matrix6 covariance = Matrix6::Identity() * 0.01 * 0.01;
+    covariance.diagonal().tail<3>().setConstant(0.002 * 0.002);
+    return observers_[frame.info().camera.index()]->tracker().propose(frame, ObjectId(0), pose,
+                                                                      covariance);
+  }
+  /// Searches where that is due, as replay does: in no time. Looks that saw nothing are replaced.
+  bool search(const std::vector<FramePtr>& frames, std::vector<Observation>& set) {
+    if (!search_) return false;
+    for (const FramePtr& frame : frames) search_->add_frame(frame->info().camera, *frame);
+    const Time now = frames.front()->info().capture;
+    if (!search_->due(now, tracks_)) return false;
+    for (Observation& found : search_->search(now, tracks_)) {
+      if (found.capture != now) {
+        fuse({&found, 1});
+        continue;
+      }
+      for (Observation& known : set) {
+        if (known.camera == found.camera && known.terms.empty()) known = found;
+      }
+    }
+    return true;
+  }
+  UpdateReport fuse(std::span<const Observation> set) {
+    const UpdateReport report = estimator_->process(set);
+    tracks_ = {estimator_->track()};
+    return report;
+  }
+
+  const Installation& installation() const { return installation_; }
+  const Rig& rig() const { return rig_; }
+  const std::vector<PoseTrackPtr>& tracks() const { return tracks_; }
+
+ private:
+  Chain() = default;
+  Installation installation_;
+  Rig rig_;
+  std::vector<std::unique_ptr<CameraObserver>> observers_;
+  std::unique_ptr<ObjectEstimator> estimator_;
+  std::unique_ptr<ObjectSearch> search_;
+  std::vector<PoseTrackPtr> tracks_;
+};
+
+Sample judge(const PoseEstimate& estimate, const Rigid3& truth, const Rigid3& world_from_camera,
+             const SymmetryOption& symmetry) {
+  Sample sample;
+  sample.time = estimate.time;
+  sample.state = estimate.state;
+  sample.failed = true;
+  if (!has_pose(estimate.state)) return sample;
+  const Rigid3& pose = estimate.world_from_object;
+  const Rigid3 alike = nearest_alike(truth, pose, symmetry);
+  sample.mm = 1e3 * translation_distance(alike, pose);
+  sample.deg = rotation_angle(alike, pose) * 180 / std::numbers::pi;
+  const Eigen::Vector3d in_camera =
+      world_from_camera.rotation.conjugate() * (pose.translation - truth.translation);
+  sample.lateral_mm = 1e3 * in_camera.head<2>().norm();
+  sample.depth_mm = 1e3 * std::abs(in_camera.z());
+  const Vector6 off = difference(pose, alike);
+  sample.nees = off.dot(estimate.pose_covariance().ldlt().solve(off));
+  sample.failed = sample.mm > kFailMm || sample.deg > kFailDeg;
+  return sample;
+}
+
+}  // namespace
+
+Result<Played> play(const Condition& condition, uint64_t seed, const PlayOptions& options) {
+  ShotStore store(rig_of(condition, seed), options.shots, condition.name);
+  const test::SceneRig& rig = store.rig();
+  SL_ASSIGN(const auto chain, Chain::create(condition, rig));
+  const ObjectDescription& object = chain->rig().objects[0].description;
+  const SymmetryOption symmetry{object.symmetry, object.symmetry_axis, object.symmetry_order};
+  SL_ASSIGN(auto pictures, Pictures::create(chain->installation(), chain->rig(),
+                                            options.sheets.empty() ? 0 : rig.shots().size()));
+  Played played;
+  played.faces = rig.options().shape->mesh().faces.size();
+  bool start = condition.start == Start::kHeld;
+  size_t next = 0;
+  std::vector<Observation> set;
+  for (const auto& shots : rig.sets()) {
+    set.clear();
+    double visible = 0;
+    std::vector<FramePtr> frames;
+    for (const test::SceneShot& shot : shots) {
+      visible = std::max(visible, rig.options().cards.empty() ? 1 : rig.visible_share(shot));
+      frames.push_back(store.shoot(next++));
+      const Frame& frame = *frames.back();
+      if (start) {
+        set.push_back(chain->start(frame, rig.truth(shot.true_capture)));
+        continue;
+      }
+      const double before = cpu_ms();
+      chain->look(frame, set);
+      played.look_ms.push_back(cpu_ms() - before);
+    }
+    const double before_search = cpu_ms();
+    if (chain->search(frames, set)) {
+      ++played.searches;
+      played.detect_ms += cpu_ms() - before_search;
+    }
+    const double before = cpu_ms();
+    const UpdateReport report = chain->fuse(set);
+    played.fuse_ms.push_back(cpu_ms() - before);
+    Sample sample = judge(report.estimate, rig.truth(shots.front().true_capture),
+                          rig.cameras().front().world_from_camera, symmetry);
+    sample.started = start;
+    sample.visible = visible;
+    played.samples.push_back(sample);
+    for (const FramePtr& frame : frames)
+      SL_RETURN_IF_ERROR(pictures->show(*frame, chain->tracks()));
+    // A camera of a free-running rig that starts alone is given the true pose until all have been.
+    const bool had_start = start;
+    start = condition.start == Start::kHeld && sample.failed;
+    if (start && !had_start) SL_RETURN_IF_ERROR(chain->restart());
+  }
+  played.detect_ms /= static_cast<double>(std::max<size_t>(played.searches, 1));
+  if (!options.sheets.empty()) {
+    const std::string name = fmt::format("{}_{}", condition.name, seed);
+    SL_RETURN_IF_ERROR(pictures->write(options.sheets / (name + ".png")));
+    SL_RETURN_IF_ERROR(write_error_plot(options.sheets / (name + "_errors.png"), played.samples));
+  }
+  return played;
+}
+
+}  // namespace sightline::bench
