@@ -55,6 +55,10 @@ int as_int(float value) {
   return std::isfinite(value) ? static_cast<int>(std::clamp(value, -32768.0f, 32767.0f)) : 0;
 }
 
+bool overlap(const TileRect& a, const TileRect& b) {
+  return a.x < b.x + b.width && b.x < a.x + a.width && a.y < b.y + b.height && b.y < a.y + a.height;
+}
+
 bool in_range(double value, double low, double high) { return value >= low && value <= high; }
 
 Status check_style(const OverlayObject& object, const std::string& camera) {
@@ -152,10 +156,12 @@ class CameraRenderer::Impl {
       read_pose(i, tracks[i].get(), poses[i]);
       if (poses[i].source != PoseSource::kNone) order_.push_back(i);
     }
+    poses_ = poses;
     sort_far_to_near(poses);
     for (const size_t i : order_) draw_object(i, poses[i].estimate, tracks[i].get());
     draw_absent(poses);
     surface_ = nullptr;
+    poses_ = {};
   }
 
   const CameraId id;
@@ -279,7 +285,9 @@ class CameraRenderer::Impl {
     if (tile_.rect().empty()) return {};
     const Status drawn = rasterizer_->draw(mesh, subject.camera_from_object, tile_);
     SL_CHECK(drawn.has_value(), "a device's rasteriser does not fail");
-    const TileCoverage coverage = compositor_.classify(tile_, scene_.get(), subject.hide_factor);
+    const TileCoverage coverage =
+        others_hide(subject) ? compositor_.classify(tile_, hiders_, subject.hide_factor)
+                             : compositor_.classify(tile_, scene_.get(), subject.hide_factor);
     if (coverage.bounds.empty() || (!style.fill && !style.outline)) return coverage;
     TilePaint paint;
     paint.color = subject.look.color;
@@ -289,6 +297,33 @@ class CameraRenderer::Impl {
     paint.dashed = subject.look.dashed;
     surface_->blend(compositor_.compose(tile_, paint));
     return coverage;
+  }
+
+  /// If other objects may hide this one: puts them and the scene into hiders_, over its tile.
+  bool others_hide(const Subject& subject) {
+    bool any = false;
+    for (const size_t i : order_) {
+      if (&objects[i] == &subject.object) continue;
+      const Subject other = subject_of(i, poses_[i].estimate);
+      const TileRect rect = rasterizer_->bounds(other.mesh, other.camera_from_object, 0);
+      if (rect.empty() || !overlap(rect, tile_.rect())) continue;
+      if (!any) start_hiders();
+      any = true;
+      const Status drawn = rasterizer_->draw(other.mesh, other.camera_from_object, hiders_);
+      SL_CHECK(drawn.has_value(), "a device's rasteriser does not fail");
+    }
+    return any;
+  }
+
+  void start_hiders() {
+    const TileRect& rect = tile_.rect();
+    hiders_.reset(rect);
+    if (scene_ == nullptr || scene_->empty()) return;
+    const int width = std::min(rect.width, scene_->width() - rect.x);
+    const int height = std::min(rect.height, scene_->height() - rect.y);
+    for (int y = 0; y < height; ++y) {
+      std::copy_n(scene_->row(rect.y + y) + rect.x, width, hiders_.inverse_depth(y));
+    }
   }
 
   void draw_lines(const Subject& subject) {
@@ -529,7 +564,7 @@ class CameraRenderer::Impl {
   const std::shared_ptr<const RayTable> rays_;
   const std::shared_ptr<const RasterDevice> device_;
   const std::unique_ptr<RasterBackend> rasterizer_;
-  RasterTile tile_;
+  RasterTile tile_, hiders_;
   TileCompositor compositor_;
   std::vector<EdgeSegment> edges_;
   marks::Pieces pieces_;
@@ -540,6 +575,7 @@ class CameraRenderer::Impl {
   std::vector<Font*> fonts_;  ///< per object; null: writes no text
 
   const Surface* surface_ = nullptr;  ///< during draw() only
+  std::span<const PoseAt> poses_;     ///< during draw() only, by object
   Time capture_{};
 };
 

@@ -61,6 +61,22 @@ void TileCompositor::reserve(const TileRect& rect) {
 
 TileCoverage TileCompositor::classify(const RasterTile& tile, const StaticDepth* scene,
                                       float factor) {
+  const bool any = scene != nullptr && !scene->empty();
+  return classify_rows(tile, factor, [&](int y) {
+    return any ? scene->row(tile.rect().y + y) + tile.rect().x : nullptr;
+  });
+}
+
+TileCoverage TileCompositor::classify(const RasterTile& tile, const RasterTile& hiders,
+                                      float factor) {
+  SL_CHECK(hiders.rect() == tile.rect(), "hiders of the same tile");
+  return classify_rows(tile, factor, [&](int y) { return hiders.inverse_depth(y); });
+}
+
+/// `hider_row(y)` is the 1/z of what hides the object in a row of the tile; null: nothing.
+template <typename HiderRow>
+TileCoverage TileCompositor::classify_rows(const RasterTile& tile, float factor,
+                                           const HiderRow& hider_row) {
   reserve(tile.rect());
   coverage_ = {};
   inner_ = {};
@@ -68,13 +84,11 @@ TileCoverage TileCompositor::classify(const RasterTile& tile, const StaticDepth*
   // Of a frame of odd size the tile's last column and row lie outside.
   const int width = std::min(rect_.width, frame_width_ - rect_.x);
   const int height = std::min(rect_.height, frame_height_ - rect_.y);
-  const float* scene_row = nullptr;
   int first = -1;
   int last = -1;
   for (int y = 0; y < height; ++y) {
-    if (scene != nullptr && !scene->empty()) scene_row = scene->row(rect_.y + y) + rect_.x;
     const int found =
-        kernels_->classify(tile.inverse_depth(y), scene_row, factor, mask_.data() + at(0, y),
+        kernels_->classify(tile.inverse_depth(y), hider_row(y), factor, mask_.data() + at(0, y),
                            hidden_.data() + at(0, y), columns_.data(), width);
     if ((found & tile::kAnyCovered) != 0) {
       if (first < 0) first = y;

@@ -46,6 +46,8 @@ class TileCompositor {
   /// Splits the tile into visible and hidden pixels: hidden where the scene's 1/z is more than
   /// `factor` times the object's. `scene` may be null.
   TileCoverage classify(const RasterTile& tile, const StaticDepth* scene, float factor);
+  /// The same with what hides the object in a tile of the same place and size.
+  TileCoverage classify(const RasterTile& tile, const RasterTile& hiders, float factor);
 
   /// Paints the tile classified last. The view is valid until the next call.
   OverlayTileView compose(const RasterTile& tile, const TilePaint& paint);
@@ -60,6 +62,8 @@ class TileCompositor {
   bool hidden_near(int x, int y) const;
 
  private:
+  template <typename HiderRow>
+  TileCoverage classify_rows(const RasterTile& tile, float factor, const HiderRow& hider_row);
   size_t at(int x, int y) const {
     return static_cast<size_t>(y) * stride_ + static_cast<size_t>(x);
   }

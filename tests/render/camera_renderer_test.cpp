@@ -471,6 +471,42 @@ TEST(CameraRenderer, TheNearerObjectLiesOnTop) {
   EXPECT_EQ(poses.size(), 2u);
 }
 
+TEST(CameraRenderer, ObjectsHideEachOther) {
+  const OverlayScene scene;
+  OverlayStyle style = only({"fill"});
+  style.fill_opacity = 1;
+  style.color = {40, 230, 60};
+  style.xray_color = {225, 90, 255};
+  OverlayStyle invisible = bare_style();  // it hides whether or not it is drawn itself
+  auto renderer = *CameraRenderer::create(
+      scene.camera, CameraId(3),
+      {{ObjectId(0), "far", scene.mesh, style}, {ObjectId(1), "near", scene.mesh, invisible}},
+      scene.rays, nullptr, {});
+  const auto hidden_share = [&](const Rigid3& near) {
+    const std::vector<PoseTrackPtr> tracks = {
+        track_of({estimate_at(pose_at(0, 0, 0.9), TrackState::kTracking)}),
+        track_of({estimate_at(near, TrackState::kTracking)})};
+    GreyPicture picture(320, 240, kGrey);
+    std::vector<PoseAt> poses;
+    renderer->draw(picture.mutable_view(), time_from_ns(kCapture), tracks, poses);
+    double seen = 0, hidden = 0;
+    for (int y = 0; y < 240; y += 2) {
+      for (int x = 0; x < 320; x += 2) {
+        const int v = picture.view().v.row(y / 2)[x / 2];  // green below, magenta above the middle
+        if (v > 134) ++hidden;
+        if (v < 122) ++seen;
+      }
+    }
+    return hidden / std::max(1.0, seen + hidden);
+  };
+  EXPECT_EQ(hidden_share(pose_at(0.4, 0, 0.6)), 0);         // beside it
+  EXPECT_EQ(hidden_share(pose_at(0, 0, 1.5)), 0);           // behind it
+  EXPECT_GT(hidden_share(pose_at(0, 0, 0.6)), 0.95);        // all before it
+  const double half = hidden_share(pose_at(0.06, 0, 0.6));  // partly
+  EXPECT_GT(half, 0.05);
+  EXPECT_LT(half, 0.95);
+}
+
 TEST(CameraRenderer, RefusesWhatDoesNotFit) {
   OverlayScene scene;
   const OverlayScene other(160, 120);
