@@ -60,6 +60,7 @@ class Superimpose(TemporaryFolder):
         cls.left = truth_view.read_camera(CALIBRATION, "left")
         cls.side = truth_view.read_camera(CALIBRATION, "side")
         t_ns = truth_view.read_frames(os.path.join(BENCH, "frames.csv"), "side")[FRAME]
+        cls.t_ns = t_ns
         cls.pose = truth_view.read_truth(os.path.join(BENCH, "truth.csv"))[t_ns]
         box = sorted(set(truth_view.read_vertices(os.path.join(BENCH, "objects", "carton.obj"))))
         cls.corners = [cls.in_world(p) for p in box]
@@ -136,6 +137,46 @@ class Superimpose(TemporaryFolder):
         hidden = [r for r in self.rows(read_text(self.path("t.csv"))) if r["state"] == "hidden"]
         farthest = max(self.rows(read_text(self.path("t.csv"))), key=lambda r: float(r["z_camera"]))
         self.assertEqual(hidden[0]["line"], farthest["line"])
+
+    def test_what_left_and_right_reconstruct_lies_right_in_side(self):
+        """The experiment this grew from: points of the stereo pair, superimposed in the third camera."""
+        cloud = self.path("points.ply")
+        sightline("replay", BENCH, "--points", cloud)
+        by_kind = {"edges": [], "corners": []}
+        for line in read_text(cloud).split("end_header\n")[1].splitlines():
+            x, y, z, _, _, _, kind, _, t = (float(w) for w in line.split())
+            near = self.nearest_on_carton((x, y, z))
+            if abs(t - self.t_ns * 1e-9) < 1e-4 and near[1] < 0.02:  # the rest is background
+                by_kind["corners" if kind == 2 else "edges"].append((x, y, z))
+        arguments = []
+        for kind, points in by_kind.items():
+            self.assertGreater(len(points), 20, kind)
+            arguments += ["--points", f"{kind}:" + self.points(f"{kind}.txt", self.in_left(points))]
+        table, _ = self.run_it(*arguments, "--from", f"{CALIBRATION}#left", "--to", f"{CALIBRATION}#side")
+        errors = []
+        for row in self.rows(table):
+            true_place, _ = self.nearest_on_carton([float(row[k]) for k in ("x_world", "y_world", "z_world")])
+            u, v = truth_view.project(self.side, true_place)
+            errors.append(((float(row["u_px"]) - u) ** 2 + (float(row["v_px"]) - v) ** 2) ** 0.5)
+        errors.sort()
+        median, p95 = errors[len(errors) // 2], errors[int(0.95 * len(errors))]
+        print(f"{len(errors)} points of left and right in side: off their place on the true carton by {median:.2f} px "
+              f"(median), {p95:.2f} px (95 %)")
+        self.assertLess(median, 1.5)
+        self.assertLess(p95, 8)
+
+    @classmethod
+    def nearest_on_carton(cls, point):
+        """The place on the true carton's surface nearest to a point of the world, and its distance."""
+        w, x, y, z = cls.pose[1]
+        inside = truth_view.rotate((w, -x, -y, -z), [point[i] - cls.pose[0][i] for i in range(3)])
+        half = (0.08, 0.05, 0.11)
+        place = [max(-h, min(h, p)) for p, h in zip(inside, half)]
+        if place == list(inside):  # inside: to the nearest side
+            axis = min(range(3), key=lambda i: half[i] - abs(inside[i]))
+            place[axis] = half[axis] if inside[axis] > 0 else -half[axis]
+        distance = sum((a - b) ** 2 for a, b in zip(place, inside)) ** 0.5
+        return cls.in_world(place), distance
 
     def test_wrong_input_is_refused_by_name_and_leaves_no_picture(self):
         left, side = f"{CALIBRATION}#left", f"{CALIBRATION}#side"
