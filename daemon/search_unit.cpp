@@ -91,9 +91,11 @@ void SearchUnit::search() {
   const Time start = MonotonicClock::now();
   std::vector<Observation> found = search_->search(start, tracks_);
   searches_.add();
-  if (!found.empty() && take_frames()) {
+  // Twice: the first step may be a long one, which takes its time too.
+  for (int step = 0; step < 2 && !found.empty() && take_frames(); ++step) {
     std::vector<Observation> now = search_->follow();
-    if (!now.empty()) found = std::move(now);
+    if (now.empty()) break;
+    found = std::move(now);
   }
   seconds_.set(to_seconds(MonotonicClock::now() - start));
   if (!found.empty()) found_.add();

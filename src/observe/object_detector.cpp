@@ -24,10 +24,11 @@ constexpr double kScaleStep = 1.25;     // between the distances that are tried
 constexpr double kLeastDiameter = 45;   // [px] smaller objects are not looked for
 constexpr double kMostOfPicture = 0.8;  // of its height
 constexpr size_t kVerified = 400, kClimbed = 60;
-constexpr double kScanReach = 7, kFollowReach = 10, kTurnedReach = 5;  // [half-size px]
+constexpr double kScanReach = 7, kTurnedReach = 5;  // [half-size px]
 // What clutter gives: share of agreeing lines times unlikeness of the colours.
 constexpr double kClutterEvidence = 0.35;
 constexpr double kLeastCameraEvidence = 0.08;
+constexpr std::array<double, 4> kFollowShares = {1.0, 0.5, 1.5, 0.0};  // of the motion so far
 constexpr double kTwistPrice = 0.01;  // for each squared sigma of the twist
 constexpr double kTwistLinear = 1.0, kTwistAngular = 3.5;
 
@@ -144,11 +145,18 @@ class ObjectDetector::Impl {
     if (earlier.poses.empty() || !look(out.time)) return out;
     set_times(out.time);
     const PoseFitter fitter(bank_.model(), fit_cameras_);
+    const JointSearch search(bank_, search_cameras_);
+    const double radius = bank_.model().radius();
     std::vector<Judged> judged;
     for (const DetectedPose& pose : earlier.poses) {
-      const Rigid3 now =
-          pose.world_from_object * Rigid3::exp(pose.twist * to_seconds(out.time - earlier.time));
-      judged.push_back(judge(fitter.fit(now, pose.twist, kFollowReach)));
+      // Motion changes: from where it may have come to, the maps lead on.
+      for (const double share : kFollowShares) {
+        const double seconds = share * to_seconds(out.time - earlier.time);
+        const JointPose start{pose.world_from_object * Rigid3::exp(pose.twist * seconds), 0};
+        JointPose moved = search.climb(start, JointSearch::Spread::kFar, 0.2, 0.35 * radius, 3);
+        moved = search.climb(moved, JointSearch::Spread::kNear, 0.08, 0.12 * radius, 3);
+        judged.push_back(judge(fitter.fit(moved.world_from_object, pose.twist, kScanReach)));
+      }
     }
     decide(judged, out);
     return out;
