@@ -28,6 +28,7 @@ constexpr double kEdgeReach = 5;        // [px]
 constexpr double kMinEdgeShare = 0.55;  // of lines with a step that must agree
 constexpr double kEdgeAgrees = 1.0;     // [px]
 constexpr size_t kFewestPoints = 8;
+constexpr int kPrinted = 12;              // points from which on edges are not asked
 constexpr double kMaxTextureNoise = 0.8;  // [px]
 constexpr size_t kFewestEdges = 16;
 constexpr int kEdgeRounds = 2;          // of choosing the nearest step
@@ -362,11 +363,12 @@ void ObjectLook::measure(const Frame& frame, const LookAt& at, bool fresh_colors
   fit_outline(reader, spread_px, fresh_colors);
   look_.seen = judge();
   if (!look_.seen) return;
-  if (object_.cues.region) terms.push_back(region_term());
   if (texture_) {
     if (PoseTermPtr term = texture_term(frame)) terms.push_back(std::move(term));
   }
-  if (object_.cues.edge) {
+  if (object_.cues.region) terms.push_back(region_term());
+  // On a printed object most steps of brightness are print.
+  if (object_.cues.edge && look_.points_used < kPrinted) {
     if (PoseTermPtr term = edge_term(frame)) terms.push_back(std::move(term));
   }
 }

@@ -18,6 +18,8 @@ using observe::ObjectLook;
 
 // Colours are learned only if the estimate of that frame lies where they were read.
 constexpr double kSameOutlinePx = 2.0;
+// Points of texture stay where the pose puts them: it has to be known [rad, m].
+constexpr double kSureRotation = 0.010, kSureTranslation = 0.004;
 
 Status require(bool good, const char* name, const char* range) {
   if (good) return {};
@@ -110,7 +112,12 @@ bool ObjectTracker::Impl::learn_pending(State& state, const PoseTrack& track) {
     state.look.drop_texture();
     return false;
   }
-  state.look.keep_texture(at.estimate.world_from_object);
+  if (at.estimate.sigma_rotation() < kSureRotation &&
+      at.estimate.sigma_translation() < kSureTranslation) {
+    state.look.keep_texture(at.estimate.world_from_object);
+  } else {
+    state.look.drop_texture();
+  }
   return state.look.appearance().learn(state.pending_side, state.foreground, state.background,
                                        static_cast<float>(camera_.options.learning_rate));
 }

@@ -18,7 +18,7 @@ constexpr int kMostMisses = 20;      // looks in a row that do not find it
 constexpr double kSpacing = 7;       // [px] between points
 constexpr float kCorner = 60.0f;     // least eigenvalue of the mean gradient squares
 constexpr size_t kMostCandidates = 24;
-constexpr int kShortestPause = 3, kLongestPause = 48;  // [frames] between looks for corners
+constexpr int kShortestPause = 1, kLongestPause = 48;  // [frames] between looks for corners
 constexpr int kStep = 2;                               // [px] grid on which corners are looked for
 
 float grey_at(const PlaneView& grey, double x, double y) {

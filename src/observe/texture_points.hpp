@@ -74,7 +74,7 @@ class TexturePoints {
   std::vector<Found> found_;
   std::vector<float> strengths_;
   int rest_ = 0;   ///< frames until candidates are looked for again
-  int pause_ = 3;  ///< and for how many after that: grows while the object shows no texture
+  int pause_ = 1;  ///< and for how many after that: grows while the object shows no texture
 };
 
 }  // namespace sightline::observe
