@@ -34,6 +34,7 @@ AravisChunks AravisChunks::set_up(ArvCamera* camera, bool wanted) {
     chunks.exposure_ = enable(camera, "ExposureTime");
     chunks.frame_id_ = enable(camera, "FrameID");
     if (chunks.exposure_ || chunks.frame_id_) {
+      std::lock_guard lock(description_mutex());
       chunks.parser_.reset(arv_camera_create_chunk_parser(camera));
       return chunks;
     }

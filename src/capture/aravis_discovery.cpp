@@ -154,7 +154,11 @@ Result<ObjectRef<ArvCamera>> connect_gige(const std::string& address, const std:
   const ObjectRef<GInetAddress> from(g_inet_address_new_from_string(own->c_str()));
   const ObjectRef<GInetAddress> to(g_inet_address_new_from_string(address.c_str()));
   ErrorSlot slot;
-  ObjectRef<ArvDevice> device(arv_gv_device_new(from.get(), to.get(), slot.out()));
+  ObjectRef<ArvDevice> device;
+  {
+    std::lock_guard lock(description_mutex());
+    device.reset(arv_gv_device_new(from.get(), to.get(), slot.out()));
+  }
   if (!device) return absent(address, *own, name, slot.text());
   if (!arv_gv_device_is_controller(ARV_GV_DEVICE(device.get()))) {
     close_in_background(std::move(device));
@@ -167,7 +171,7 @@ Result<ObjectRef<ArvCamera>> connect_gige(const std::string& address, const std:
 }
 
 Result<ObjectRef<ArvCamera>> connect_usb(const FoundCamera& found, const std::string& name) {
-  std::lock_guard lock(list_mutex());
+  std::scoped_lock lock(list_mutex(), description_mutex());
   ErrorSlot slot;
   ObjectRef<ArvDevice> device(arv_open_device(found.id.c_str(), slot.out()));
   if (!device) return cannot_open(name, found.id, slot);

@@ -4,6 +4,7 @@
 #include <arv.h>
 
 #include <memory>
+#include <mutex>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -11,6 +12,13 @@
 #include "sightline/base/result.hpp"
 
 namespace sightline {
+
+/// Aravis' XML reader shares state between threads without a lock: hold this where a camera's
+/// description is read.
+inline std::mutex& description_mutex() {
+  static std::mutex mutex;
+  return mutex;
+}
 
 struct ObjectUnref {
   void operator()(void* object) const { g_object_unref(object); }
