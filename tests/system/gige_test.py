@@ -212,7 +212,9 @@ class Sync(Rig):
         truth = self.truth()
         self.assertLess(abs(report["phase_ms"] - truth), report["phase_error_ms"] + 0.3)
         self.assertLess(abs(report["drift_us_per_s"] + 500), report["drift_error_us_per_s"])
-        self.assertEqual(report["verdict"], "drifting")
+        # A busy machine widens the bounds, and then it does not claim what it cannot know.
+        known = abs(report["drift_us_per_s"]) > report["drift_error_us_per_s"]
+        self.assertEqual(report["verdict"] == "drifting", known)
         self.assertIn("run freely", " ".join(report["advice"]))
         print(f"\nsync: phase {report['phase_ms']:.3f} ms (+-{report['phase_error_ms']:.3f}), truth "
               f"{truth:.3f}; drift {report['drift_us_per_s']:.1f} us/s "
