@@ -18,8 +18,9 @@ constexpr int kMostMisses = 20;      // looks in a row that do not find it
 constexpr double kSpacing = 7;       // [px] between points
 constexpr float kCorner = 60.0f;     // least eigenvalue of the mean gradient squares
 constexpr size_t kMostCandidates = 24;
-constexpr int kShortestPause = 1, kLongestPause = 48;  // [frames] between looks for corners
-constexpr int kStep = 2;                               // [px] grid on which corners are looked for
+constexpr int kShortestPause = 1, kLongestPause = 48,
+              kRestAfterDrop = 2;  // [frames] between looks for corners
+constexpr int kStep = 2;           // [px] grid on which corners are looked for
 
 float grey_at(const PlaneView& grey, double x, double y) {
   const int ix = static_cast<int>(x), iy = static_cast<int>(y);
@@ -262,6 +263,12 @@ bool TexturePoints::make_point(const Candidate& candidate, const DepthTile& dept
     }
   }
   return true;
+}
+
+void TexturePoints::drop_candidates() {
+  if (candidates_.empty()) return;
+  candidates_.clear();
+  rest_ = pause_ = kRestAfterDrop;
 }
 
 void TexturePoints::keep_candidates(const Rigid3& camera_from_object) {

@@ -41,7 +41,8 @@ class TexturePoints {
   /// Makes points of the candidates: they lie on the mesh at this pose, which the estimate of their
   /// frame gave.
   void keep_candidates(const Rigid3& camera_from_object);
-  void drop_candidates() { candidates_.clear(); }
+  /// The estimate is not good enough; that says nothing of the texture.
+  void drop_candidates();
   size_t kept() const { return points_.size(); }
 
  private:

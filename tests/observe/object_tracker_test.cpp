@@ -75,7 +75,7 @@ class Tracking {
   }
 
   UpdateReport step(const std::vector<SceneShot>& set) {
-    std::vector<Observation> observations;
+    observations.clear();
     const PoseTrackPtr track = estimator->track();
     for (const SceneShot& shot : set) {
       const FramePtr frame = rig_.shoot(shot);
@@ -97,6 +97,7 @@ class Tracking {
 
   std::vector<std::unique_ptr<ObjectTracker>> trackers;
   std::unique_ptr<ObjectEstimator> estimator;
+  std::vector<Observation> observations;  ///< of the last step
 
  private:
   const SceneRig& rig_;
