@@ -306,6 +306,37 @@ TEST(ObjectTracker, TheSceneHidesLines) {
   }
 }
 
+TEST(ObjectTracker, PrintIsKeptWhereTheMeshIs) {
+  const TriangleMesh carton = test::make_carton();
+  SceneRigOptions options = options_of(900ms);
+  options.shape = std::make_shared<const test::RayMesh>(carton);
+  options.paint.kind = test::Paint::Kind::kPrinted;
+  const SceneRig rig(options);
+  const auto mesh = std::make_shared<const RenderMesh>(make_render_mesh(carton));
+  Tracking tracking(rig, {ObjectId(0),
+                          views_of(carton),
+                          {false, true, true, true},
+                          mesh_depth_renderer_factory(mesh)});
+  std::vector<double> off_px;
+  for (const auto& set : rig.sets()) {
+    tracking.step(set);
+    const CalibratedCamera& camera = rig.cameras()[0];
+    const Rigid3 camera_from_object =
+        camera.world_from_camera.inverse() * rig.truth(set[0].true_capture);
+    for (const PoseTermPtr& term : tracking.observations[0].terms) {
+      if (term->kind() != "texture") continue;
+      const auto& points = dynamic_cast<const CornerTerm&>(*term);
+      for (const PointMatch& match : points.matches()) {
+        const auto pixel = camera.model.project(camera_from_object * match.point_in_object);
+        ASSERT_TRUE(pixel);
+        off_px.push_back((*pixel - match.pixel).norm());
+      }
+    }
+  }
+  ASSERT_GT(off_px.size(), 50u);
+  EXPECT_LT(Errors::median(off_px), 1.5);
+}
+
 TEST(ObjectTracker, RefusesImpossibleOptions) {
   const SceneRig rig(options_of(50ms));
   TrackerOptions options;
