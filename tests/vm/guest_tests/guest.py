@@ -121,7 +121,8 @@ class Service:
         with open("/etc/systemd/system/sightlined.service.d/libraries.conf", "w", encoding="utf-8") as file:
             file.write("[Service]\n" + "".join(f"Environment={key}={value}\n" for key, value in ENVIRONMENT.items()))
             file.write("Environment=GST_REGISTRY_1_0=/var/cache/sightline/registry.bin\n")
-            file.write("WatchdogSec=600\n")  # on a busy machine the whole guest may stand still for long
+            if os.environ.get("SIGHTLINE_VM_WATCHDOG") != "unit":
+                file.write("WatchdogSec=600\n")  # on a busy machine the whole guest may stand still for long
         if not os.path.exists("/usr/share/fonts"):
             os.symlink(PREFIX + "/fonts", "/usr/share/fonts")
         for folder in ("lib/udev/rules.d",):
