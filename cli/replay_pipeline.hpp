@@ -52,6 +52,7 @@ class ReplayPipeline {
   Status step(const std::vector<FramePtr>& frames);
   Status finish();
   const ReplaySummary& summary() const { return summary_; }
+  const Rig& rig() const { return rig_; }
   /// What is known now, one track per object.
   const std::vector<PoseTrackPtr>& tracks() const { return tracks_; }
 

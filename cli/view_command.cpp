@@ -41,21 +41,18 @@ Result<ViewConfig> choose_view(const ViewOptions& options, const Installation& i
   point.width = options.width;
   point.height = options.height;
   SL_ASSIGN(const CalibratedCamera camera, make_view_camera(point, cameras, "view", "view"));
-  ViewConfig view{.name = "view", .point = point, .overlay = {}, .view = camera, .where = ""};
-  view.overlay.circle = false;
-  view.overlay.trail = true;
-  view.overlay.fill_opacity = 0.85f;
-  return view;
+  return ViewConfig{
+      .name = "view", .point = point, .overlay = free_view_style({}), .view = camera, .where = ""};
 }
 
 /// Takes the pictures of a replay in one view, into a video or the last one into a PNG.
 class Film {
  public:
   static Result<std::unique_ptr<Film>> create(const ViewOptions& options,
-                                              const Installation& installation, double rate_hz) {
+                                              const Installation& installation, const Rig& rig,
+                                              double rate_hz) {
     std::unique_ptr<Film> film(new Film(options.out));
     SL_ASSIGN(const ViewConfig config, choose_view(options, installation));
-    SL_ASSIGN(const Rig rig, load_rig(installation));
     SL_ASSIGN(film->view_, make_view(installation, rig, config));
     film->picture_ = std::make_unique<Picture>(film->view_->width(), film->view_->height());
     film->cameras_ = installation.cameras.size();
@@ -106,10 +103,10 @@ Result<size_t> run(const ViewOptions& options) {
   SL_ASSIGN(const Installation installation, options.config.empty()
                                                  ? recording_installation(options.recording)
                                                  : read_installation(options.config));
-  const Duration period = recording->cameras.front().frame_period();
-  SL_ASSIGN(auto film, Film::create(options, installation,
-                                    period > Duration(0) ? 1 / to_seconds(period) : 30));
   SL_ASSIGN(auto pipeline, ReplayPipeline::create(installation, recording, nullptr, {}));
+  const Duration period = recording->cameras.front().frame_period();
+  SL_ASSIGN(auto film, Film::create(options, installation, pipeline->rig(),
+                                    period > Duration(0) ? 1 / to_seconds(period) : 30));
   SL_ASSIGN(auto replay, VirtualReplay::open(recording));
   ProgressBar bar("view", recording->frame_count());
   std::optional<Time> start;

@@ -31,7 +31,8 @@ std::unique_ptr<ViewUnit> ViewUnit::start(ViewParts parts, Registry& registry,
 ViewUnit::ViewUnit(ViewParts parts, Registry& registry)
     : parts_(std::move(parts)),
       pictures_(parts_.view->width(), parts_.view->height()),
-      draw_seconds_(registry.gauge("sightline_draw_seconds", "Time that drawing the overlay took",
+      draw_seconds_(registry.gauge("sightline_draw_seconds",
+                                   "Copying and drawing the newest shown frame",
                                    {{"camera", parts_.name}})) {}
 
 void ViewUnit::stop() {

@@ -498,13 +498,9 @@ void InstallationReader::read_view(TomlTable table) {
   ViewConfig view{
       .name = {},
       .point = {},
-      .overlay = overlay_,
+      .overlay = free_view_style(overlay_),
       .view = {"", *CameraModel::create({.width = 2, .height = 2, .fx = 1, .fy = 1}, ""), {}},
       .where = document_.problems().where(table.place())};
-  // Seen from outside the object is a body among others, not a mark on a picture.
-  view.overlay.circle = false;
-  view.overlay.trail = true;
-  view.overlay.fill_opacity = 0.85f;
   SectionReader reader(table, path_, files_);
   config::visit(reader, view);
   if (auto overlay = table.table("overlay")) {

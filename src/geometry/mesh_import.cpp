@@ -318,23 +318,31 @@ Result<CheckedMesh> check(std::string_view content, const std::string& format,
   return check_glb(content, where);
 }
 
+// The scene belongs to the importer.
+Result<const aiScene*> read_scene(const CheckedMesh& checked, std::string_view file,
+                                  const std::string& format, const std::string& where,
+                                  const std::filesystem::path& directory,
+                                  Assimp::Importer& importer) {
+  const std::string_view content = checked.content ? std::string_view(*checked.content) : file;
+  const std::string& read_as = checked.format.empty() ? format : checked.format;
+  keep_loaders_of(read_as, &importer);
+  const std::string name = "mesh." + read_as;
+  importer.SetIOHandler(new BoundedFiles(content, name, directory));  // importer deletes it
+  const aiScene* scene = importer.ReadFile(name, aiProcess_ValidateDataStructure);
+  if (scene != nullptr) return scene;
+  return make_error(ErrorCode::kInvalidInput, where, "cannot read as {}: {}", format,
+                    importer.GetErrorString());
+}
+
 }  // namespace
 
 Result<TriangleMesh> import_mesh(std::string_view file, const std::string& format,
                                  const std::string& where, const std::filesystem::path& directory,
                                  const MeshOptions& options) try {
   SL_ASSIGN(const CheckedMesh checked, check(file, format, where));
-  const std::string_view content = checked.content ? std::string_view(*checked.content) : file;
   Assimp::Importer importer;
-  const std::string& read_as = checked.format.empty() ? format : checked.format;
-  keep_loaders_of(read_as, &importer);
-  const std::string name = "mesh." + read_as;
-  importer.SetIOHandler(new BoundedFiles(content, name, directory));  // importer deletes it
-  const aiScene* scene = importer.ReadFile(name, aiProcess_ValidateDataStructure);
-  if (scene == nullptr) {
-    return make_error(ErrorCode::kInvalidInput, where, "cannot read as {}: {}", format,
-                      importer.GetErrorString());
-  }
+  SL_ASSIGN(const aiScene* const scene,
+            read_scene(checked, file, format, where, directory, importer));
   // STL stores what the writer thought of each facet, often zero: made anew from the geometry.
   const bool use_normals = format != "stl";
   SL_ASSIGN(const PolygonMesh polygons, SceneReader(*scene, use_normals, where, options).read());
@@ -352,17 +360,9 @@ Result<MeshSurface> import_surface(std::string_view file, const std::string& for
                                    const std::string& where, const std::filesystem::path& directory,
                                    const MeshOptions& options) try {
   SL_ASSIGN(const CheckedMesh checked, check(file, format, where));
-  const std::string_view content = checked.content ? std::string_view(*checked.content) : file;
   Assimp::Importer importer;
-  const std::string& read_as = checked.format.empty() ? format : checked.format;
-  keep_loaders_of(read_as, &importer);
-  const std::string name = "mesh." + read_as;
-  importer.SetIOHandler(new BoundedFiles(content, name, directory));  // importer deletes it
-  const aiScene* scene = importer.ReadFile(name, aiProcess_ValidateDataStructure);
-  if (scene == nullptr) {
-    return make_error(ErrorCode::kInvalidInput, where, "cannot read as {}: {}", format,
-                      importer.GetErrorString());
-  }
+  SL_ASSIGN(const aiScene* const scene,
+            read_scene(checked, file, format, where, directory, importer));
   // Says what is wrong with indices.
   SL_RETURN_IF_ERROR([&]() -> Status {
     SL_ASSIGN([[maybe_unused]] const PolygonMesh polygons,

@@ -289,6 +289,13 @@ void FreeView::draw(const MutableI420View& picture, Time time, std::span<const P
   impl_->draw(picture, time, tracks, states, points, poses_out);
 }
 
+OverlayStyle free_view_style(OverlayStyle base) {
+  base.circle = false;
+  base.trail = true;
+  base.fill_opacity = 0.85f;
+  return base;
+}
+
 std::vector<ViewedState> viewed_states(std::span<const PoseTrackPtr> tracks, Time time,
                                        Duration lately, const std::vector<bool>& present) {
   CameraSet measuring = 0;

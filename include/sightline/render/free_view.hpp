@@ -46,6 +46,10 @@ enum class ViewedState : uint8_t {
   kMeasuring,  ///< its measurement took part lately: green, with a ray to the object
 };
 
+/// How objects look in a free view unless told otherwise: seen from outside, an object is a body
+/// among others, not a mark on a picture. Colours and widths are those of `base`.
+OverlayStyle free_view_style(OverlayStyle base);
+
 struct FreeViewOptions {
   RenderOptions render;
   int font_px = 16;
