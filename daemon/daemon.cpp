@@ -308,11 +308,11 @@ Status Daemon::reload(Installation next) {
     return {};
   }
   const std::string summary = changes.summary();
-  const bool everything = changes.camera_ids || changes.object_ids || changes.scene ||
-                          changes.observe || changes.estimator || changes.rtsp || changes.encoder ||
-                          changes.http || changes.record || !changes.objects_added.empty() ||
-                          !changes.objects_removed.empty() || !changes.objects_changed.empty() ||
-                          ((recorder_ || search_) && cameras_differ(changes));
+  const bool everything =
+      changes.camera_ids || changes.object_ids || changes.scene || changes.surfaces ||
+      changes.observe || changes.estimator || changes.rtsp || changes.encoder || changes.http ||
+      changes.record || !changes.objects_added.empty() || !changes.objects_removed.empty() ||
+      !changes.objects_changed.empty() || ((recorder_ || search_) && cameras_differ(changes));
   SL_RETURN_IF_ERROR(everything ? restart_all(std::move(next))
                                 : restart_some(std::move(next), changes));
   if (changes.action) {

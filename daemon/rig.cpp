@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rig.hpp"
 
+#include <numbers>
+
 #include "object_views.hpp"
 #include "sightline/record/still_picture.hpp"
 
@@ -12,9 +14,15 @@ const CameraConfig& config_of(const Installation& installation, CameraId camera)
   return installation.cameras[camera.index()];
 }
 
-Result<TriangleMesh> load_mesh(const std::filesystem::path& path, double meters_per_unit) {
+float crease_angle(const Installation& installation) {
+  return static_cast<float>(installation.render.crease_deg * std::numbers::pi / 180);
+}
+
+Result<TriangleMesh> load_mesh(const std::filesystem::path& path, double meters_per_unit,
+                               const Installation& installation) {
   MeshOptions options;
   options.meters_per_unit = meters_per_unit;
+  options.crease_angle = crease_angle(installation);
   return read_mesh(path, options);
 }
 
@@ -44,10 +52,13 @@ std::vector<NamedObject> Rig::names() const {
 
 Result<Rig> load_rig(const Installation& installation) {
   Rig rig;
+  RenderMeshOptions options;
+  options.crease_angle = crease_angle(installation);
   for (size_t i = 0; i < installation.objects.size(); ++i) {
     const ObjectDescription& description = installation.objects[i].description;
-    SL_ASSIGN(TriangleMesh mesh, load_mesh(description.mesh, description.meters_per_unit));
-    const auto shown = std::make_shared<const RenderMesh>(make_render_mesh(mesh));
+    SL_ASSIGN(TriangleMesh mesh,
+              load_mesh(description.mesh, description.meters_per_unit, installation));
+    const auto shown = std::make_shared<const RenderMesh>(make_render_mesh(mesh, options));
     rig.objects.push_back({{ObjectId(static_cast<uint32_t>(i)), description.name},
                            description,
                            shown,
@@ -59,8 +70,9 @@ Result<Rig> load_rig(const Installation& installation) {
     }
   }
   for (const auto& path : installation.scene.meshes) {
-    SL_ASSIGN(const TriangleMesh mesh, load_mesh(path, installation.scene.meters_per_unit));
-    rig.scene.push_back(make_render_mesh(mesh));
+    SL_ASSIGN(const TriangleMesh mesh,
+              load_mesh(path, installation.scene.meters_per_unit, installation));
+    rig.scene.push_back(make_render_mesh(mesh, options));
   }
   for (const CameraConfig& camera : installation.cameras) {
     SL_ASSIGN(std::vector<float> depth, load_scene_depth(camera));

@@ -52,6 +52,8 @@ class SectionPrinter {
     put(key, fmt::format("{} {} {}", v.x(), v.y(), v.z()));
   }
   void color(std::string_view key, Rgb c) { put(key, fmt::format("{} {} {}", c.r, c.g, c.b)); }
+  /// Where the other keys start from; they say it all.
+  void theme(std::string_view, const OverlayStyle&) {}
   void styles(std::string_view key, OverlayStyle& style) {
     for (const std::string_view name : style_names()) put(key, *style_flag(style, name));
   }
@@ -150,6 +152,14 @@ bool same_scene(const SceneConfig& a, const SceneConfig& b) {
 
 }  // namespace
 
+bool shows_textures(const Installation& installation) {
+  const auto shows = [](const auto& where) {
+    return where.overlay.fill && where.overlay.fill_kind == FillKind::kTextured;
+  };
+  return std::ranges::any_of(installation.cameras, shows) ||
+         std::ranges::any_of(installation.views, shows);
+}
+
 InstallationChanges compare(const Installation& before, const Installation& after) {
   InstallationChanges changes;
   changes.camera_ids =
@@ -168,6 +178,8 @@ InstallationChanges compare(const Installation& before, const Installation& afte
             });
   changes.views = !same_views(before.views, after.views);
   changes.scene = !same_scene(before.scene, after.scene);
+  changes.surfaces = before.render.crease_deg != after.render.crease_deg ||
+                     shows_textures(before) != shows_textures(after);
   changes.render = differ(before.render, after.render);
   changes.observe = differ(before.observe, after.observe) || differ(before.detect, after.detect);
   changes.estimator = differ(before.estimator, after.estimator);
@@ -183,8 +195,9 @@ InstallationChanges compare(const Installation& before, const Installation& afte
 bool InstallationChanges::none() const {
   return cameras_added.empty() && cameras_removed.empty() && cameras_changed.empty() &&
          cameras_restyled.empty() && objects_added.empty() && objects_removed.empty() &&
-         objects_changed.empty() && !views && !camera_ids && !object_ids && !scene && !render &&
-         !observe && !estimator && !rtsp && !encoder && !http && !record && !action && !daemon;
+         objects_changed.empty() && !views && !camera_ids && !object_ids && !scene && !surfaces &&
+         !render && !observe && !estimator && !rtsp && !encoder && !http && !record && !action &&
+         !daemon;
 }
 
 std::string InstallationChanges::summary() const {
@@ -201,11 +214,18 @@ std::string InstallationChanges::summary() const {
   names("changed object", objects_changed);
   if (camera_ids) parts.emplace_back("order of cameras");
   if (object_ids) parts.emplace_back("order of objects");
-  const std::pair<bool, const char*> sections[] = {
-      {views, "views"},     {scene, "scene"},         {render, "overlay backend, font and depth"},
-      {observe, "observe"}, {estimator, "estimator"}, {rtsp, "rtsp"},
-      {encoder, "encoder"}, {http, "http"},           {record, "record"},
-      {action, "action"},   {daemon, "daemon"}};
+  const std::pair<bool, const char*> sections[] = {{views, "views"},
+                                                   {scene, "scene"},
+                                                   {surfaces, "surfaces of meshes"},
+                                                   {render, "overlay backend, font and depth"},
+                                                   {observe, "observe"},
+                                                   {estimator, "estimator"},
+                                                   {rtsp, "rtsp"},
+                                                   {encoder, "encoder"},
+                                                   {http, "http"},
+                                                   {record, "record"},
+                                                   {action, "action"},
+                                                   {daemon, "daemon"}};
   for (const auto& [changed, name] : sections) {
     if (changed) parts.emplace_back(name);
   }

@@ -79,6 +79,18 @@ void SectionReader::color(std::string_view key, Rgb& field) {
   }
 }
 
+void SectionReader::theme(std::string_view key, OverlayStyle& style) {
+  const auto name = table_.text(key);
+  if (!name) return;
+  if (const auto theme = theme_style(name->text)) {
+    style = *theme;
+    return;
+  }
+  std::vector<std::string> known(theme_names().begin(), theme_names().end());
+  table_.problem(key,
+                 fmt::format("\"{}\" is no theme{}", name->text, suggestion(name->text, known)));
+}
+
 void SectionReader::styles(std::string_view key, OverlayStyle& style) {
   const auto names = table_.texts(key);
   if (!names) return;

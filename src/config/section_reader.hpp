@@ -90,6 +90,7 @@ class SectionReader {
   }
   void controls(std::string_view key, std::map<std::string, LibcameraControlValue>& field);
   void color(std::string_view key, Rgb& field);
+  void theme(std::string_view key, OverlayStyle& style);
   void styles(std::string_view key, OverlayStyle& style);
   void encoders(std::string_view key, std::vector<std::string>& field);
 

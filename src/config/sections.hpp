@@ -97,6 +97,7 @@ void visit(Visitor& v, AravisOptions& s) {
 
 template <typename Visitor>
 void visit(Visitor& v, OverlayStyle& s) {
+  v.theme("theme", s);  // first: it sets all the others
   v.styles("styles", s);
   v.flag("last_seen", s.last_seen);
   v.flag("status", s.status);
@@ -107,6 +108,7 @@ void visit(Visitor& v, OverlayStyle& s) {
   v.color("hidden_color", s.xray_color);
   v.color("last_seen_color", s.last_seen_color);
   v.number("fill_opacity", s.fill_opacity, 0, 1, "a share (0 invisible, 1 opaque)");
+  v.number("halo_opacity", s.halo_opacity, 0, 1, "a share (0 invisible, 1 opaque)");
   v.number("outline_width_px", s.outline_px, 2, 4, "a width in pixels");
   v.number("line_width_px", s.line_px, 2, 8, "a width in pixels");
   v.integer("font_px", s.font_px, 8, 64, "a whole number of pixels");
@@ -119,6 +121,7 @@ template <typename Visitor>
 void visit(Visitor& v, RenderOptions& s) {
   v.choice("backend", s.backend, kRasterChoices);
   v.number("detail_px", s.detail_px, 0, 2, "a length in pixels");
+  v.number("crease_deg", s.crease_deg, 0, 180, "an angle in degrees");
   v.file("font_file", s.font_file);
   v.number("depth_tolerance", s.depth_tolerance, 0, 0.5, "a share of the range");
 }

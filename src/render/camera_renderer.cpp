@@ -69,6 +69,7 @@ Status check_style(const OverlayObject& object, const std::string& camera) {
   };
   if (object.mesh == nullptr) return refuse("its mesh", "given");
   if (!in_range(style.fill_opacity, 0, 1)) return refuse("fill opacity", "between 0 and 1");
+  if (!in_range(style.halo_opacity, 0, 1)) return refuse("halo opacity", "between 0 and 1");
   if (!in_range(style.outline_px, 2, 4)) return refuse("outline width", "2 to 4 px");
   if (!in_range(style.line_px, 2, 8)) return refuse("line width", "2 to 8 px");
   if (!in_range(style.font_px, 8, 64)) return refuse("font size", "8 to 64 px");
@@ -238,7 +239,7 @@ class CameraRenderer::Impl {
             camera_from_object,
             center,
             {to_yuv(hue), to_yuv(style.xray_color), style.line_px,
-             estimate.state == TrackState::kCoasting},
+             estimate.state == TrackState::kCoasting, style.halo_opacity},
             factor,
             fonts_[i]};
   }
@@ -295,6 +296,7 @@ class CameraRenderer::Impl {
     paint.fill_opacity = style.fill ? style.fill_opacity : 0;
     paint.outline_px = style.outline ? style.outline_px : 0;
     paint.dashed = subject.look.dashed;
+    paint.halo_opacity = style.halo_opacity;
     surface_->blend(compositor_.compose(tile_, paint));
     return coverage;
   }
@@ -549,7 +551,8 @@ class CameraRenderer::Impl {
     if (!circle || !camera_.model.contains(circle->center.cast<double>())) return;
     const OverlayStyle& style = objects[i].style;
     const Yuv grey = to_yuv(style.last_seen_color);
-    marks::draw_circle(surface_->canvas, *circle, {grey, grey, style.line_px, true});
+    marks::draw_circle(surface_->canvas, *circle,
+                       {grey, grey, style.line_px, true, style.halo_opacity});
     TextTile& tile = fonts_[i]->text;
     tile.set(last_seen_text(objects[i].name, capture_ - last.last_measured).view(),
              std::span(&grey, 1));

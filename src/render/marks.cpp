@@ -11,7 +11,6 @@ namespace sightline::marks {
 namespace {
 
 constexpr Yuv kDark{16, 128, 128};
-constexpr float kHaloOpacity = 0.5f;
 constexpr float kXrayOpacity = 0.7f;
 
 draw::Pen pen_of(const Look& look, bool behind_scene) {
@@ -21,9 +20,9 @@ draw::Pen pen_of(const Look& look, bool behind_scene) {
 
 }  // namespace
 
-draw::Pen halo_of(const draw::Pen& pen) {
+draw::Pen halo_of(const draw::Pen& pen, float opacity) {
   // Darker is enough: leaving chroma alone keeps the colour of the line beside it.
-  return {kDark, pen.width + 2, kHaloOpacity * pen.opacity, true};
+  return {kDark, pen.width + 2, opacity * pen.opacity, true};
 }
 
 std::optional<Circle> sphere_circle(const CameraModel& model,
@@ -103,13 +102,13 @@ void draw_pieces(const draw::Canvas& canvas, const Pieces& pieces, const Look& l
     draw::Pen pen = pen_of(look, (flags & kBehindScene) != 0);
     if ((flags & kTurnedAway) != 0) pen.opacity *= 0.75f;
     const draw::Dash dash = look.dashed || flags != 0 ? Look::kDash : draw::Dash{};
-    draw::polyline(canvas, points, halo ? halo_of(pen) : pen, dash);
+    draw::polyline(canvas, points, halo ? halo_of(pen, look.halo) : pen, dash);
   }
 }
 
 void draw_circle(const draw::Canvas& canvas, const Circle& circle, const Look& look) {
   const draw::Pen pen = pen_of(look, false);
-  for (const draw::Pen& each : {halo_of(pen), pen}) {
+  for (const draw::Pen& each : {halo_of(pen, look.halo), pen}) {
     if (look.dashed) {
       draw::dashed_circle(canvas, circle.center, circle.radius, each, Look::kDash);
     } else {
@@ -123,7 +122,7 @@ void draw_box2d(const draw::Canvas& canvas, const draw::Point& low, const draw::
   const std::array<draw::Point, 5> corners = {low, draw::Point(high.x(), low.y()), high,
                                               draw::Point(low.x(), high.y()), low};
   const draw::Pen pen = pen_of(look, false);
-  draw::polyline(canvas, corners, halo_of(pen), look.dash());
+  draw::polyline(canvas, corners, halo_of(pen, look.halo), look.dash());
   draw::polyline(canvas, corners, pen, look.dash());
 }
 
@@ -132,7 +131,7 @@ void draw_cross(const draw::Canvas& canvas, const draw::Point& center, float arm
   const draw::Pen pen = pen_of(look, false);
   const std::array<draw::Point, 4> directions = {draw::Point(1, 0), draw::Point(-1, 0),
                                                  draw::Point(0, 1), draw::Point(0, -1)};
-  for (const draw::Pen& each : {halo_of(pen), pen}) {
+  for (const draw::Pen& each : {halo_of(pen, look.halo), pen}) {
     for (const draw::Point& direction : directions)
       draw::line(canvas, center + 0.3f * arm_px * direction, center + arm_px * direction, each);
   }
@@ -173,7 +172,7 @@ void draw_ellipse(const draw::Canvas& canvas, const draw::Point& center,
     points.push_back(center + offset.cast<float>());
   }
   const draw::Pen pen = pen_of(look, false);
-  draw::polyline(canvas, points, halo_of(pen), look.dash());
+  draw::polyline(canvas, points, halo_of(pen, look.halo), look.dash());
   draw::polyline(canvas, points, pen, look.dash());
 }
 

@@ -23,6 +23,7 @@ struct Look {
   Yuv xray_color;
   float line_px = 2;
   bool dashed = false;  ///< coasting
+  float halo = 0.5f;    ///< opacity of the dark rim
   draw::Dash dash() const { return dashed ? kDash : draw::Dash{}; }
   static constexpr draw::Dash kDash{8, 6};
 };
@@ -69,7 +70,7 @@ void add_box(const RayTable& rays, const StaticDepth* scene, float factor,
 using Points = std::vector<draw::Point>;
 
 /// Dark rim under lines and markers that are drawn next, 1 px wider on either side.
-draw::Pen halo_of(const draw::Pen& pen);
+draw::Pen halo_of(const draw::Pen& pen, float opacity);
 
 /// Draws the pieces, or only their halo, joining those of one line and one look.
 void draw_pieces(const draw::Canvas& canvas, const Pieces& pieces, const Look& look, bool halo,

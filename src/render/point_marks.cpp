@@ -30,7 +30,7 @@ std::array<draw::Point, 4> square(const draw::Point& center, float side) {
 void draw_ring(const draw::Canvas& canvas, const PointMark& mark, Yuv color, float diameter) {
   const draw::Point at = to_point(mark.pixel);
   const draw::Pen pen{color, 2, mark.hidden ? 0.5f : 1.0f, false};
-  draw::circle(canvas, at, diameter / 2, marks::halo_of(pen));
+  draw::circle(canvas, at, diameter / 2, marks::halo_of(pen, 0.5f));
   draw::circle(canvas, at, diameter / 2, pen);
   if (!mark.hidden) draw::polygon(canvas, square(at, 2), color, 1);
 }

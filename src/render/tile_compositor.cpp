@@ -216,6 +216,8 @@ tile::Look TileCompositor::look_of(const TilePaint& paint) const {
   look.xray_luma = paint.xray_color.y;
   look.fill_alpha = to_byte(paint.fill_opacity);
   look.dash_visible = paint.dashed;
+  // Blurred as it is, it needs a little more to look as dark as beside lines.
+  look.halo_alpha = to_byte(1.18f * paint.halo_opacity);
   if (paint.outline_px > 0) {
     const float half = 0.5f * paint.outline_px;
     look.outline = ramp_between(half - 0.5f, half + 0.5f);

@@ -15,11 +15,12 @@ namespace sightline {
 
 /// How a tile is painted.
 struct TilePaint {
-  Yuv color;               ///< the visible part
-  Yuv xray_color;          ///< the part behind the static scene
-  float fill_opacity = 0;  ///< 0: no fill
-  float outline_px = 0;    ///< 0: no outline
-  bool dashed = false;     ///< outline in dashes everywhere, not only behind the scene
+  Yuv color;                  ///< the visible part
+  Yuv xray_color;             ///< the part behind the static scene
+  float fill_opacity = 0;     ///< 0: no fill
+  float outline_px = 0;       ///< 0: no outline
+  bool dashed = false;        ///< outline in dashes everywhere, not only behind the scene
+  float halo_opacity = 0.5f;  ///< of the dark rim, as beside lines
 };
 
 /// The scene hides what has 1/z smaller than its own by this factor. The tolerance is a share of

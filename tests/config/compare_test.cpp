@@ -80,6 +80,8 @@ TEST(Compare, EachSectionAlone) {
   EXPECT_EQ(changes("[scene]\nmeshes = [\"a.obj\"]\n").summary(), "scene");
   EXPECT_EQ(changes("[overlay]\ndepth_tolerance = 0.1\n").summary(),
             "overlay backend, font and depth");
+  EXPECT_EQ(changes("[overlay]\ncrease_deg = 20\n").summary(),
+            "surfaces of meshes; overlay backend, font and depth");
   EXPECT_EQ(changes("[[view]]\nname = \"room\"\n").summary(), "views");
   EXPECT_EQ(changes("[observe]\nmin_side_px = 9\n").summary(), "observe");
   EXPECT_EQ(changes("[estimator]\nnoise_linear = 9\n").summary(), "estimator");

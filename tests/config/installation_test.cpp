@@ -233,6 +233,24 @@ name = "room"
   EXPECT_FALSE(installation.views[1].overlay.circle);
 }
 
+TEST(Installation, ThemesComeFirst) {
+  const auto styled = [](const std::string& of_all, const std::string& of_view) {
+    return parsed(kBase + ("[overlay]\n" + of_all) + "[[view]]\nname = \"room\"\n[view.overlay]\n" +
+                  of_view);
+  };
+  const Installation minimal =
+      styled("color = \"#010203\"\ntheme = \"minimal\"\n", "font_px = 30\n");
+  const OverlayStyle& camera = minimal.cameras.at(0).overlay;
+  EXPECT_FALSE(camera.fill || camera.circle || camera.label);
+  EXPECT_TRUE(camera.outline);
+  EXPECT_EQ(camera.color, (Rgb{1, 2, 3}));
+  EXPECT_FALSE(minimal.views.at(0).overlay.label);
+  EXPECT_EQ(minimal.views.at(0).overlay.font_px, 30);
+  const OverlayStyle own =
+      styled("color = \"#010203\"\n", "theme = \"high_contrast\"\n").views.at(0).overlay;
+  EXPECT_EQ(own.color, theme_style("high_contrast")->color);
+}
+
 TEST(Installation, EveryValueArrives) {
   const Installation installation = parsed(R"(
 calibration = "/abs/c.toml"
@@ -362,6 +380,7 @@ const BadFile kBadFiles[] = {
      "did you mean \"outline\"?"},
     {"style with own key", base_with("[overlay]\nstyles = [\"last_seen\"]\n"), "8:10",
      "last_seen = true"},
+    {"theme", base_with("[overlay]\ntheme = \"dark\"\n"), "8:9", "\"dark\" is no theme"},
     {"styles as text", base_with("[overlay]\nstyles = \"fill\"\n"), "8:10", "a list of texts"},
     {"choice", base_with("[daemon]\nlog_level = \"verbose\"\n"), "8:13",
      "known: debug, info, warning, error"},

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -101,6 +102,40 @@ TEST(CameraRenderer, OpaqueFillIsTheRasterMask) {
       }
     });
     EXPECT_GT(covered, 500);
+  }
+}
+
+TEST(CameraRenderer, DrawsEveryTheme) {
+  const OverlayScene scene;
+  EXPECT_FALSE(theme_style("nonsense").has_value());
+  std::vector<size_t> changed;
+  for (const std::string_view name : theme_names()) {
+    const auto style = theme_style(name);
+    ASSERT_TRUE(style.has_value()) << name;
+    changed.push_back(Drawn(scene, *style, pose_at(0, 0, 0.8)).changed().size());
+    EXPECT_GT(changed.back(), 500u) << name;
+  }
+  std::ranges::sort(changed);
+  EXPECT_EQ(std::ranges::unique(changed).size(), 0u) << "two themes look the same";
+}
+
+TEST(CameraRenderer, HaloIsAsDarkAsAsked) {
+  const OverlayScene scene;
+  OverlayStyle style = only({"outline", "box2d"});
+  size_t last = 0;
+  for (const float halo : {0.0f, 0.4f, 0.9f}) {
+    style.halo_opacity = halo;
+    const Drawn drawn(scene, style, pose_at(0, 0, 0.8));
+    size_t darkness = 0;
+    for_each_luma(drawn.view(), [&](int, int, int luma) {
+      if (luma < kGrey) darkness += static_cast<size_t>(kGrey - luma);
+    });
+    if (halo == 0) {
+      EXPECT_EQ(darkness, 0u);
+    } else {
+      EXPECT_GT(darkness, last + 10'000);
+    }
+    last = darkness;
   }
 }
 

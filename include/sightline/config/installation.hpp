@@ -174,6 +174,9 @@ Result<Installation> parse_installation(std::string_view text, const std::filesy
 /// defaults for the rest, and no server. Camera and object ids are those of the recording.
 Result<Installation> recording_installation(const std::filesystem::path& folder);
 
+/// Whether any camera or view draws meshes in their own colours, so that these must be read.
+bool shows_textures(const Installation& installation);
+
 /// What differs between two installations, so that a reload restarts only that. Cameras and objects
 /// are matched by name, names in the order of the new (removed: of the old) file.
 struct InstallationChanges {
@@ -184,6 +187,7 @@ struct InstallationChanges {
   bool views = false;       ///< any of the free views
   bool camera_ids = false;  ///< a camera that stays has another CameraId now
   bool object_ids = false;
+  bool surfaces = false;  ///< textures of the meshes, or their creases
   bool scene = false, render = false, observe = false, estimator = false;
   bool rtsp = false, encoder = false, http = false, record = false, daemon = false;
   bool action = false;

@@ -39,6 +39,9 @@ struct RenderOptions {
   std::filesystem::path font_file;
   /// Coarser levels of a mesh are drawn where no pixel of it moves by more than this; 0: never.
   double detail_px = 0.25;
+  /// Edges whose faces meet at more than this are creases: drawn in wireframes, and sharp in smooth
+  /// shading [deg]. Of meshes that are made with these options; normals of a file stay.
+  double crease_deg = 34.4;
   /// The scene hides the object where it is nearer by more than this share of the range ...
   double depth_tolerance = 0.01;
   /// ... plus so many standard deviations of the object's position.

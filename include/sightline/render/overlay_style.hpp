@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string_view>
 
@@ -21,6 +22,13 @@ struct Yuv {
 
 /// ITU-R BT.601-7, limited range (Y 16..235, U and V 16..240), rounded.
 Yuv to_yuv(Rgb color);
+
+/// What the fill shows: the surface in the state's colour, or in the colours that the mesh file
+/// gives it (textures, vertices, materials). A mesh without any is shown as kShaded.
+enum class FillKind : uint8_t { kShaded, kTextured };
+
+/// How the light falls: on faces, or on a surface that is round between the mesh's creases.
+enum class Shading : uint8_t { kFlat, kSmooth };
 
 /// What is drawn of one object in one camera. The flags may be combined freely; state is shown by
 /// line style and hue whatever is chosen (docs/overlay.md).
@@ -47,7 +55,10 @@ struct OverlayStyle {
   Rgb xray_color{225, 90, 255};      ///< the part behind the static scene
   Rgb last_seen_color{170, 170, 170};
 
+  FillKind fill_kind = FillKind::kShaded;
+  Shading shading = Shading::kFlat;
   float fill_opacity = 0.25f;   ///< 0 invisible .. 1 opaque
+  float halo_opacity = 0.5f;    ///< of the dark rim of lines and outline; 0 none .. 1
   float outline_px = 2.0f;      ///< 2 .. 4; thinner lines lose their colour in 4:2:0
   float line_px = 2.0f;         ///< 2 .. 8: box, circle, axes, wireframe, trail
   int font_px = 16;             ///< 8 .. 64, em size
@@ -60,6 +71,11 @@ std::span<const std::string_view> style_names();
 
 /// The flag of that name, or null if there is none.
 bool* style_flag(OverlayStyle& style, std::string_view name);
+
+/// A ready-made style, from which the rest of [overlay] may differ: "default", "high_contrast",
+/// "colour_blind", "minimal", "detailed" (docs/overlay.md). Empty if there is none of that name.
+std::optional<OverlayStyle> theme_style(std::string_view name);
+std::span<const std::string_view> theme_names();
 
 /// A style with every flag off and the default colours and sizes, to switch names on in.
 OverlayStyle bare_style();
