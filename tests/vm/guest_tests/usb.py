@@ -8,7 +8,7 @@ import time
 from guest import ENVIRONMENT, PREFIX, Service, ask, check, figures, finish, flat, mount_product, say, until
 
 CYCLES = int(os.environ.get("SIGHTLINE_VM_CYCLES", "20"))
-WARM_UP = 8
+WARM_UP = 16  # of each camera: the allocator's last step comes after some 20 reopenings, then the memory stays
 PORTS = {"plain": ("usb0", "A0"), "jpeg": ("usb1", "B0")}
 LIMIT_KB = 3072
 
