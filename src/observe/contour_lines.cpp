@@ -210,6 +210,7 @@ void place_lines(const View& view, const CameraModel& camera, const Rigid3& came
     line.center = *pixel;
     line.normal = across / px_per_meter;
     line.by_pose = projector.derivative(point, line.normal, pixel_by_point);
+    line.crease = sample.crease != 0;
     line.inside_px = hiders.free_way(line, in_camera.z(), -1,
                                      static_cast<double>(sample.foreground) * px_per_meter);
     line.outside_px = hiders.free_way(line, in_camera.z(), 1,

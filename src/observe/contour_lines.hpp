@@ -18,6 +18,7 @@ struct ContourLine {
   Eigen::Vector2d center;  ///< distorted pixel of the point
   Eigen::Vector2d normal;  ///< unit, outwards
   Vector6 by_pose;         ///< d (normal . pixel) / d tangent
+  bool crease = false;     ///< not the limb of a smooth surface
   double inside_px = 0;    ///< how far the silhouette reaches inwards without a gap
   double outside_px = 0;   ///< how far there is none of it outwards
 

@@ -90,11 +90,11 @@ void find_in_line(const PlaneView& grey, const LightTable& light, float threshol
 
 }  // namespace
 
-void edges_of_outline(std::span<const ContourLine> lines, double reach_px,
+void edges_of_outline(std::span<const ContourLine> lines, bool at_creases, double reach_px,
                       std::vector<EdgeLine>& out) {
-  out.clear();
   for (size_t i = 0; i < lines.size(); ++i) {
     const ContourLine& line = lines[i];
+    if (line.crease != at_creases) continue;
     EdgeLine& edge = out.emplace_back();
     edge.line = i;
     edge.point_in_object = line.point_in_object;

@@ -22,8 +22,9 @@ struct EdgeLine {
   float strength = 0;  ///< of the strongest step, grey levels per pixel
 };
 
-/// Lines across the outline of contour lines that were placed already.
-void edges_of_outline(std::span<const ContourLine> lines, double reach_px,
+/// Appends lines across the outline of contour lines that were placed already: those at creases, or
+/// those at limbs of smooth surfaces.
+void edges_of_outline(std::span<const ContourLine> lines, bool at_creases, double reach_px,
                       std::vector<EdgeLine>& out);
 
 /// Appends lines across a view's inner edges, placed at a pose.

@@ -237,9 +237,22 @@ bool ObjectLook::outline_steps_agree(size_t outer, const Vector6& step) {
   return std::abs(*middle) < kMaxEdgeBias;
 }
 
-PoseTermPtr ObjectLook::edge_term(const Frame& frame) {
+void ObjectLook::add_edge_term(std::vector<LineMatch> matches, const LineError& error,
+                               std::vector<PoseTermPtr>& terms) {
+  if (matches.empty()) return;
   const TrackerOptions& options = camera_.options;
-  edges_of_outline(lines_, kEdgeReach, edges_);
+  look_.edges_used += static_cast<int>(matches.size());
+  terms.push_back(std::make_shared<LineTerm>("edge", camera_.camera, std::move(matches),
+                                             options.huber, error,
+                                             independent_share(options.edge_correlation_px)));
+}
+
+void ObjectLook::edge_terms(const Frame& frame, std::vector<PoseTermPtr>& terms) {
+  const TrackerOptions& options = camera_.options;
+  edges_.clear();
+  edges_of_outline(lines_, false, kEdgeReach, edges_);
+  const size_t limbs = edges_.size();
+  edges_of_outline(lines_, true, kEdgeReach, edges_);
   const size_t outer = edges_.size();
   const View view = object_.views->view(view_);
   place_inner_edges(view, camera_.camera->model, camera_.camera_from_world * world_from_object_,
@@ -272,15 +285,16 @@ PoseTermPtr ObjectLook::edge_term(const Frame& frame) {
     }
     step = fit_lines(residuals_, prior_, at, options.huber);
   }
-  std::vector<LineMatch> matches;
-  matches.reserve(edges_.size());
-  if (outline_steps_agree(outer, step)) add_edges(0, outer, step, kSamePixels, 0.0, matches);
-  add_edges(outer, edges_.size(), step, 1.0, kMinEdgeShare, matches);
-  look_.edges_used = static_cast<int>(matches.size());
-  if (matches.empty()) return nullptr;
-  return std::make_shared<LineTerm>("edge", camera_.camera, std::move(matches), options.huber,
-                                    options.edge_error,
-                                    independent_share(options.edge_correlation_px));
+  std::vector<LineMatch> smooth, sharp;
+  smooth.reserve(limbs);
+  sharp.reserve(edges_.size() - limbs);
+  if (outline_steps_agree(outer, step)) {
+    add_edges(0, limbs, step, kSamePixels, 0.0, smooth);
+    add_edges(limbs, outer, step, kSamePixels, 0.0, sharp);
+  }
+  add_edges(outer, edges_.size(), step, 1.0, kMinEdgeShare, sharp);
+  add_edge_term(std::move(smooth), options.limb_error, terms);
+  add_edge_term(std::move(sharp), options.edge_error, terms);
 }
 
 PoseTermPtr ObjectLook::texture_term(const Frame& frame) {
@@ -369,7 +383,7 @@ void ObjectLook::measure(const Frame& frame, const LookAt& at, bool fresh_colors
   if (object_.cues.region) terms.push_back(region_term());
   // On a printed object most steps of brightness are print.
   if (object_.cues.edge && look_.points_used < kPrinted) {
-    if (PoseTermPtr term = edge_term(frame)) terms.push_back(std::move(term));
+    edge_terms(frame, terms);
   }
 }
 

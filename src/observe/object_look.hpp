@@ -67,7 +67,9 @@ class ObjectLook {
   bool judge();
   PoseTermPtr region_term();
   PoseTermPtr texture_term(const Frame& frame);
-  PoseTermPtr edge_term(const Frame& frame);
+  void edge_terms(const Frame& frame, std::vector<PoseTermPtr>& terms);
+  void add_edge_term(std::vector<LineMatch> matches, const LineError& error,
+                     std::vector<PoseTermPtr>& terms);
   void add_edges(size_t from, size_t to, const Vector6& step, double weight, double min_share,
                  std::vector<LineMatch>& matches);
   bool outline_steps_agree(size_t outer, const Vector6& step);

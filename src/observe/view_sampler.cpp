@@ -10,9 +10,10 @@
 namespace sightline {
 namespace {
 
-constexpr uint8_t kOutline = 1, kCrease = 2, kJump = 4;
+constexpr uint8_t kOutline = 1, kCrease = 2, kJump = 4, kSharp = 8;
 constexpr int kShortestOutline = 12;  // sides of pixels; shorter ones are specks
 constexpr float kNearOutline = 2.5f;  // [px] an edge closer to the outline is the outline
+constexpr float kOnOutline = 1.5f;    // [px] a crease closer to the outline makes it
 constexpr float kFirstStep = 3.0f;    // [px] where the search for the next edge starts
 
 // Sides of a pixel clockwise from the top: outward direction, and the way along it with the inside
@@ -53,6 +54,7 @@ void ViewSampler::sample(const DepthTile& tile, const Rigid3& camera_from_object
   candidates_.clear();
   trace_outlines();
   mark_outline();
+  mark_sharp_outline();
   take_contour(out);
   find_creases();
   find_depth_jumps();
@@ -145,6 +147,21 @@ void ViewSampler::mark_outline() {
   }
 }
 
+// Where a crease that can be seen runs along the outline.
+void ViewSampler::mark_sharp_outline() {
+  const int reach = static_cast<int>(kOnOutline);
+  for (const CreasePoint& crease : creases_) {
+    const Eigen::Vector3f p = camera_from_object_ * crease.point + object_in_camera_;
+    const Eigen::Vector2f pixel(focal_ * p.x() / p.z() + middle_, focal_ * p.y() / p.z() + middle_);
+    const int x = rounded(pixel.x()), y = rounded(pixel.y());
+    if (x < 2 || y < 2 || x >= side_ - 2 || y >= side_ - 2) continue;
+    if ((marks_[index(x, y)] & kOutline) == 0 || !visible(pixel, 1 / p.z())) continue;
+    for (int v = y - reach; v <= y + reach; ++v) {
+      for (int u = x - reach; u <= x + reach; ++u) marks_[index(u, v)] |= kSharp;
+    }
+  }
+}
+
 float ViewSampler::walk_inside(const Eigen::Vector2f& from, const Eigen::Vector2f& step) const {
   float distance = 1;
   const auto longest = static_cast<float>(2 * side_);
@@ -190,6 +207,10 @@ void ViewSampler::take_contour(Sampled& out) const {
     sample.normal = object_from_camera_ * Eigen::Vector3f(point.normal.x(), point.normal.y(), 0.0f);
     sample.foreground = std::min(limit, metres * walk_inside(point.pixel, -point.normal));
     sample.background = std::min(limit, metres * walk_outside(point.pixel, point.normal));
+    const int x = rounded(point.pixel.x()), y = rounded(point.pixel.y());
+    if (x >= 0 && y >= 0 && x < side_ && y < side_) {
+      sample.crease = (marks_[index(x, y)] & kSharp) != 0 ? 1 : 0;
+    }
     out.contour.push_back(sample);
   }
 }

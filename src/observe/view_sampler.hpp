@@ -48,6 +48,7 @@ class ViewSampler {
   void trace_from(int x, int y, int side);
   void smooth_outline(const std::vector<Eigen::Vector2i>& pixels, const std::vector<int>& sides);
   void mark_outline();
+  void mark_sharp_outline();
   float walk_inside(const Eigen::Vector2f& from, const Eigen::Vector2f& step) const;
   float walk_outside(const Eigen::Vector2f& from, const Eigen::Vector2f& step) const;
   void take_contour(Sampled& out) const;
@@ -71,7 +72,7 @@ class ViewSampler {
   Eigen::Matrix3f camera_from_object_;
   Eigen::Vector3f object_in_camera_;
   std::vector<uint8_t> visited_;  ///< outline sides traced, one bit each
-  std::vector<uint8_t> marks_;    ///< what runs through a pixel: kOutline, kCrease, kJump
+  std::vector<uint8_t> marks_;    ///< what runs through a pixel: kOutline, kCrease, kJump, kSharp
   std::vector<OutlinePoint> outline_;
   std::vector<EdgeCandidate> candidates_;
 };

@@ -20,7 +20,7 @@ namespace {
 
 constexpr uint64_t kMagic = 0x315357454956'4C53ULL;  // "SLVIEWS1"
 // Grows when the file or the way the samples are made changes.
-constexpr uint32_t kVersion = 1;
+constexpr uint32_t kVersion = 2;
 constexpr size_t kLargestFile = size_t{256} << 20;
 
 template <typename T>
@@ -99,7 +99,7 @@ bool near_center(const Eigen::Vector3f& point, const Eigen::Vector3d& center, do
 }
 
 constexpr size_t kViewBytes = 3 * 4 + 2 * 4 + 2 * 4 + ViewpointModel::kMaskSize * 4;
-constexpr size_t kSampleBytes = 8 * 4;
+constexpr size_t kContourBytes = 9 * 4, kEdgeBytes = 8 * 4;
 
 }  // namespace
 
@@ -129,8 +129,8 @@ Result<std::shared_ptr<const ViewpointModel>> ViewpointModel::parse(std::string_
 
 std::string ViewpointModelBuilder::write(const ViewpointModel& model) {
   std::string out;
-  out.reserve(256 + model.records_.size() * kViewBytes +
-              (model.contours_.size() + model.edges_.size()) * kSampleBytes);
+  out.reserve(256 + model.records_.size() * kViewBytes + model.contours_.size() * kContourBytes +
+              model.edges_.size() * kEdgeBytes);
   put(out, kMagic);
   put(out, kVersion);
   put(out, model.key_);
@@ -151,6 +151,7 @@ std::string ViewpointModelBuilder::write(const ViewpointModel& model) {
     put(out, sample.normal);
     put(out, sample.foreground);
     put(out, sample.background);
+    put(out, static_cast<float>(sample.crease));
   }
   for (const InnerEdgeSample& sample : model.edges_) {
     put(out, sample.point);
@@ -209,7 +210,8 @@ Result<std::shared_ptr<const ViewpointModel>> ViewpointModelBuilder::read(
     edges += record.edges;
     model->records_.push_back(record);
   }
-  if (contours == 0 || in.left() != (contours + edges) * kSampleBytes) return damaged("size");
+  if (contours == 0 || in.left() != contours * kContourBytes + edges * kEdgeBytes)
+    return damaged("size");
   const float longest = ViewpointModel::kFreeLimit * static_cast<float>(model->radius_) * 1.001f;
   model->contours_.resize(contours);
   for (ContourSample& sample : model->contours_) {
@@ -217,8 +219,11 @@ Result<std::shared_ptr<const ViewpointModel>> ViewpointModelBuilder::read(
     sample.normal = in.vector<float>();
     sample.foreground = in.number<float>();
     sample.background = in.number<float>();
+    const float crease = in.number<float>();
+    sample.crease = crease == 0 ? 0 : 1;
     if (!near_center(sample.point, model->center_, model->radius_) || !unit(sample.normal) ||
-        !within(sample.foreground, 0, longest) || !within(sample.background, 0, longest)) {
+        !within(sample.foreground, 0, longest) || !within(sample.background, 0, longest) ||
+        std::signbit(crease) || (crease != 0 && crease != 1)) {
       return damaged("an outline sample");
     }
   }

@@ -42,6 +42,24 @@ bool silhouette_at(const RayMesh& mesh, const View& view, const Eigen::Vector3f&
   return mesh.cast(camera, point - camera).has_value();
 }
 
+// Share of the outline samples that lie on creases.
+double crease_share(const TriangleMesh& mesh) {
+  const auto model = model_of(mesh, quick_options());
+  size_t samples = 0, creases = 0;
+  for (size_t i = 0; i < model->size(); ++i) {
+    for (const ContourSample& sample : model->view(i).contour) {
+      ++samples;
+      creases += sample.crease;
+    }
+  }
+  return static_cast<double>(creases) / static_cast<double>(samples);
+}
+
+TEST(Creases, AreTheOutlineOfABoxAndNotOfASmoothBody) {
+  EXPECT_GT(crease_share(make_box({0.1f, 0.06f, 0.2f})), 0.97);
+  EXPECT_LT(crease_share(make_creature(15'000)), 0.05);
+}
+
 class Outlines : public ::testing::TestWithParam<int> {
  protected:
   static TriangleMesh shape() {

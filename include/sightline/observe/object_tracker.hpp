@@ -22,8 +22,9 @@ namespace sightline {
 /// How objects are measured by their own look. Measured reasons: src/observe/README.md.
 struct TrackerOptions {
   /// What a whole outline or set of edges may be wrong by (see LineError).
-  LineError region_error{0.30, 0.30};
+  LineError region_error{0.50, 0.30};
   LineError edge_error{0.15, 0.15};
+  LineError limb_error{0.15, 0.40};  ///< steps of light where a smooth surface turns away
   /// The same of texture points: their places come from poses that were estimated.
   ViewError texture_error{0.5, 0.006};
   /// Least noise of one line's offset [px], whatever the picture says.

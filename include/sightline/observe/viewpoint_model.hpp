@@ -27,6 +27,9 @@ struct ContourSample {
   Eigen::Vector3f normal;
   float foreground = 0;  ///< from the point inwards along -normal, silhouette without a gap [m]
   float background = 0;  ///< from the point outwards, no silhouette [m]; at most kFreeLimit radii
+  /// 1: the surface ends here at a crease or border. 0: it turns away smoothly, and its shading
+  /// makes steps of light that do not lie on the outline.
+  uint8_t crease = 0;
 };
 
 /// A point of an edge inside the silhouette. Object frame, metres.
