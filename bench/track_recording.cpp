@@ -74,7 +74,8 @@ class Run {
       run->observers_.push_back(std::move(observer));
       run->names_.push_back(run->installation_.cameras[i].name);
     }
-    SL_ASSIGN(auto estimator, ObjectEstimator::create(run->installation_.estimator, ObjectId(0)));
+    SL_ASSIGN(auto estimator, ObjectEstimator::create(run->installation_.estimator, ObjectId(0),
+                                                      run->rig_.objects[0].lookalikes));
     run->estimator_ = std::make_unique<ObjectEstimator>(std::move(estimator));
     run->honesty_.resize(run->observers_.size());
     return run;

@@ -52,7 +52,7 @@ Result<std::unique_ptr<ReplayPipeline>> ReplayPipeline::create(
   SL_ASSIGN(pipeline->rig_, load_rig(installation));
   for (const RigObject& object : pipeline->rig_.objects) {
     SL_ASSIGN(ObjectEstimator estimator,
-              ObjectEstimator::create(installation.estimator, object.named.id));
+              ObjectEstimator::create(installation.estimator, object.named.id, object.lookalikes));
     pipeline->tracks_.push_back(estimator.track());
     pipeline->estimators_.push_back(std::move(estimator));
   }

@@ -14,7 +14,7 @@ std::vector<TrackedObject> tracked_objects(const Rig& rig) {
   for (const RigObject& object : rig.objects) {
     if (!object.views) continue;
     objects.push_back({object.named.id, object.views, object.description.cues,
-                       mesh_depth_renderer_factory(object.mesh)});
+                       mesh_depth_renderer_factory(object.mesh), object.lookalikes, object.spots});
   }
   return objects;
 }

@@ -262,8 +262,8 @@ Status Daemon::start_pipeline(const Installation& installation, const Rig& rig,
       recorder->push(estimate);
     };
   }
-  SL_ASSIGN(fusion_, FusionUnit::start(installation.estimator, rig.names(), board_, registry_,
-                                       beats_, std::move(on_estimate)));
+  SL_ASSIGN(fusion_, FusionUnit::start(installation.estimator, rig.names(), rig.lookalikes(),
+                                       board_, registry_, beats_, std::move(on_estimate)));
   search_.reset();
   if (search) {
     search_ = SearchUnit::start(

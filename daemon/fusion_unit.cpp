@@ -11,12 +11,14 @@ using namespace std::chrono_literals;
 
 Result<std::unique_ptr<FusionUnit>> FusionUnit::start(const EstimatorOptions& options,
                                                       const std::vector<NamedObject>& objects,
+                                                      const std::vector<Lookalikes>& lookalikes,
                                                       std::shared_ptr<TrackBoard> board,
                                                       Registry& registry, HeartbeatBoard& beats,
                                                       OnEstimate on_estimate) {
   std::vector<ObjectEstimator> estimators;
-  for (const NamedObject& object : objects) {
-    SL_ASSIGN(ObjectEstimator estimator, ObjectEstimator::create(options, object.id));
+  for (size_t i = 0; i < objects.size(); ++i) {
+    SL_ASSIGN(ObjectEstimator estimator,
+              ObjectEstimator::create(options, objects[i].id, lookalikes.at(i)));
     estimators.push_back(std::move(estimator));
   }
   std::unique_ptr<FusionUnit> unit(new FusionUnit(std::move(estimators), objects, std::move(board),

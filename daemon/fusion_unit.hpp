@@ -21,9 +21,11 @@ class FusionUnit {
  public:
   using OnEstimate = std::function<void(const PoseEstimate&)>;
 
-  /// `on_estimate` (may be empty) hears of every estimate on the fusion thread; it must not block.
+  /// `lookalikes`: by object. `on_estimate` (may be empty) hears of every estimate on the fusion
+  /// thread; it must not block.
   static Result<std::unique_ptr<FusionUnit>> start(const EstimatorOptions& options,
                                                    const std::vector<NamedObject>& objects,
+                                                   const std::vector<Lookalikes>& lookalikes,
                                                    std::shared_ptr<TrackBoard> board,
                                                    Registry& registry, HeartbeatBoard& beats,
                                                    OnEstimate on_estimate);

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "object_views.hpp"
+#include "sightline/observe/lookalikes.hpp"
 #include "surface_spots.hpp"
 
 namespace sightline {
@@ -40,8 +41,12 @@ double likeness(const SurfaceLook* look, const Detection& detection) {
 }
 
 // What is left of a detection after the colours have been asked; nothing if it is too weak then.
-Detection believed(Detection detection, const SurfaceLook* look, double accept) {
-  if (look != nullptr) look->resolve(detection);
+Detection believed(Detection detection, const SurfaceLook* look, const Lookalikes& lookalikes,
+                   double accept) {
+  if (look != nullptr) {
+    look->resolve(detection);
+    look->compare(lookalikes, detection);
+  }
   if (detection.poses.empty() || likeness(look, detection) >= kColoursAgree) return detection;
   const double needed = kWithoutColours * accept;
   return detection.poses.front().evidence >= needed ? detection : Detection();
@@ -72,6 +77,7 @@ Result<std::unique_ptr<ObjectSearch>> ObjectSearch::create(const Installation& i
     SL_ASSIGN(auto views, load_views(object, cache));
     Wanted wanted;
     wanted.object = object.named.id;
+    wanted.lookalikes = lookalikes_of(*views, object.description);
     SL_ASSIGN(wanted.look, make_look(object, cameras));
     DetectorOptions options = installation.detect.detector;
     if (wanted.look) options.accept *= kWithColours;
@@ -112,7 +118,8 @@ std::vector<Observation> ObjectSearch::search(Time now, std::span<const PoseTrac
     if (!due(wanted, now, tracks)) continue;
     wanted.last = now;
     wanted.searched = true;
-    wanted.found = believed(wanted.detector->detect(), wanted.look.get(), accept_);
+    wanted.found =
+        believed(wanted.detector->detect(), wanted.look.get(), wanted.lookalikes, accept_);
     append(wanted.found, out);
   }
   return out;
@@ -122,7 +129,8 @@ std::vector<Observation> ObjectSearch::follow() {
   std::vector<Observation> out;
   for (Wanted& wanted : wanted_) {
     if (wanted.found.poses.empty()) continue;
-    wanted.found = believed(wanted.detector->follow(wanted.found), wanted.look.get(), accept_);
+    wanted.found = believed(wanted.detector->follow(wanted.found), wanted.look.get(),
+                            wanted.lookalikes, accept_);
     append(wanted.found, out);
   }
   return out;

@@ -41,6 +41,7 @@ class ObjectSearch {
     ObjectId object;
     std::unique_ptr<ObjectDetector> detector;
     std::unique_ptr<SurfaceLook> look;  ///< null: the mesh has no colours
+    Lookalikes lookalikes;
     Time last{};
     bool searched = false;
     Detection found;

@@ -4,7 +4,10 @@
 #include <numbers>
 
 #include "object_views.hpp"
+#include "sightline/base/log.hpp"
+#include "sightline/observe/lookalikes.hpp"
 #include "sightline/record/still_picture.hpp"
+#include "surface_spots.hpp"
 
 namespace sightline {
 namespace {
@@ -41,12 +44,37 @@ Result<std::vector<float>> load_scene_depth(const CameraConfig& camera) {
                     camera.name, lens.width(), lens.height());
 }
 
+Status load_look(RigObject& object) {
+  SL_ASSIGN(object.views, load_views(object, cache_folder()));
+  const ObjectDescription& description = object.description;
+  object.lookalikes = lookalikes_of(*object.views, description);
+  if (object.lookalikes.turns.empty()) return {};
+  SL_ASSIGN(auto spots, surface_spots(description.mesh, description.meters_per_unit));
+  if (!spots.empty()) {
+    object.spots = std::make_shared<const std::vector<SurfaceSpot>>(std::move(spots));
+    return {};
+  }
+  if (description.cues.fiducial && (description.board || !description.fiducials.empty())) return {};
+  log::info(
+      "{}: its shape looks the same in {} other poses and its mesh has no colours to tell them "
+      "apart; it will be `degraded` where nothing else tells. If they mean the same, declare "
+      "its symmetry",
+      description.name, object.lookalikes.turns.size());
+  return {};
+}
+
 }  // namespace
 
 std::vector<NamedObject> Rig::names() const {
   std::vector<NamedObject> out;
   out.reserve(objects.size());
   for (const RigObject& object : objects) out.push_back(object.named);
+  return out;
+}
+
+std::vector<Lookalikes> Rig::lookalikes() const {
+  std::vector<Lookalikes> out;
+  for (const RigObject& object : objects) out.push_back(object.lookalikes);
   return out;
 }
 
@@ -64,10 +92,10 @@ Result<Rig> load_rig(const Installation& installation) {
                            shown,
                            std::make_shared<const MeshLevels>(shown),
                            std::make_shared<const TriangleMesh>(std::move(mesh)),
+                           nullptr,
+                           {},
                            nullptr});
-    if (description.cues.look()) {
-      SL_ASSIGN(rig.objects.back().views, load_views(rig.objects.back(), cache_folder()));
-    }
+    if (description.cues.look()) SL_RETURN_IF_ERROR(load_look(rig.objects.back()));
   }
   for (const auto& path : installation.scene.meshes) {
     SL_ASSIGN(const TriangleMesh mesh,

@@ -26,6 +26,8 @@ struct RigObject {
   std::shared_ptr<const MeshLevels> levels;       ///< of it, for what is small in the picture
   std::shared_ptr<const TriangleMesh> triangles;  ///< the same, as read
   std::shared_ptr<const ViewpointModel> views;    ///< null if its look is no cue
+  Lookalikes lookalikes;                          ///< poses that its shape cannot tell apart
+  SurfaceSpots spots;  ///< its colours, where they are needed to tell them apart; or null
 };
 
 /// What all cameras share: the meshes of the objects and of the static scene. Immutable once
@@ -37,6 +39,7 @@ struct Rig {
   std::vector<std::vector<float>> scene_depth;
 
   std::vector<NamedObject> names() const;
+  std::vector<Lookalikes> lookalikes() const;  ///< by ObjectId
 };
 
 /// Reads every mesh and depth image that the installation names, and makes or fetches the viewpoint

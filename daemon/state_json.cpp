@@ -37,6 +37,18 @@ Json camera_json(const CameraState& camera) {
   return json;
 }
 
+// Why it is not `tracking`, and where it is weak.
+void add_doubts(const PoseEstimate& estimate, Json& json) {
+  const auto numbers = [](const Eigen::Vector3d& v) { return Json{v.x(), v.y(), v.z()}; };
+  json["reasons"] = Json::array();
+  for (int bit = 0; bit < 16; ++bit) {
+    const auto one = static_cast<Doubts>(estimate.doubts & (1u << bit));
+    if (one != 0) json["reasons"].push_back(to_string(one, ""));
+  }
+  if (estimate.doubts & kWeakPosition) json["weak_direction"] = numbers(estimate.weak_direction());
+  if (estimate.doubts & kWeakRotation) json["weak_axis"] = numbers(estimate.weak_axis());
+}
+
 Json object_json(const NamedObject& object, const PoseTrackPtr& track,
                  std::span<const std::string> camera_names) {
   Json json{{"name", object.name}};
@@ -55,6 +67,7 @@ Json object_json(const NamedObject& object, const PoseTrackPtr& track,
   json["rotation_wxyz"] = {q.w(), q.x(), q.y(), q.z()};
   json["sigma_t_mm"] = newest.sigma_translation() * 1e3;
   json["sigma_r_deg"] = newest.sigma_rotation() * 180 / std::numbers::pi;
+  if (newest.doubts != 0) add_doubts(newest, json);
   json["cameras"] = Json::array();
   for (size_t i = 0; i < camera_names.size(); ++i) {
     if (newest.cameras & camera_bit(CameraId(static_cast<uint32_t>(i)))) {

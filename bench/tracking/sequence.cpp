@@ -72,8 +72,9 @@ class Chain {
       SL_ASSIGN(auto observer, CameraObserver::create(installation_, rig_, CameraId(i)));
       observers_.push_back(std::move(observer));
     }
-    SL_ASSIGN(ObjectEstimator estimator,
-              ObjectEstimator::create(installation_.estimator, ObjectId(0)));
+    SL_ASSIGN(
+        ObjectEstimator estimator,
+        ObjectEstimator::create(installation_.estimator, ObjectId(0), rig_.objects[0].lookalikes));
     estimator_ = std::make_unique<ObjectEstimator>(std::move(estimator));
     tracks_ = {estimator_->track()};
     return {};
@@ -85,8 +86,14 @@ class Chain {
   Observation start(const Frame& frame, const Rigid3& pose) {
     Matrix6 covariance = Matrix6::Identity() * 0.01 * 0.01;
     covariance.diagonal().tail<3>().setConstant(0.002 * 0.002);
-    return observers_[frame.info().camera.index()]->tracker().propose(frame, ObjectId(0), pose,
-                                                                      covariance);
+    Observation out = observers_[frame.info().camera.index()]->tracker().propose(frame, ObjectId(0),
+                                                                                 pose, covariance);
+    // Given is also which of the poses it is that look alike.
+    out.alike = {{pose, 0}};
+    for (const Rigid3& turn : rig_.objects[0].lookalikes.turns) {
+      out.alike.push_back({pose * turn, 40});
+    }
+    return out;
   }
   /// Searches where that is due, as replay does: in no time. Looks that saw nothing are replaced.
   bool search(const std::vector<FramePtr>& frames, std::vector<Observation>& set) {

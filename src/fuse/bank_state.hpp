@@ -3,6 +3,7 @@
 
 #include <array>
 
+#include "sightline/model/lookalikes.hpp"
 #include "sightline/model/pose_track.hpp"
 
 namespace sightline::fuse {
@@ -22,6 +23,9 @@ struct MotionMemory {
   Vector6 before = Vector6::Zero();
 };
 
+/// Costs (-log probability) of the poses that look alike; the hypothesis' own pose first.
+using TurnCosts = std::array<double, Lookalikes::kMost + 1>;
+
 /// One pose that the object may have, with its filter state.
 struct Hypothesis {
   PoseEstimate estimate;
@@ -32,6 +36,7 @@ struct Hypothesis {
   /// Inverse covariance of the part of the error that does not average out over frames
   /// (calibration): of the cameras that hold the object. Zero: unknown.
   Matrix6 systematic_information = Matrix6::Zero();
+  TurnCosts turn_costs{};  ///< see AlikePoses
   /// Contradicts the hypothesis in force and has to prove itself before it is published.
   bool challenger = false;
 };

@@ -30,6 +30,22 @@ Vector6 own_minimum(const CameraSystem& system) {
   return -damped.ldlt().solve(system.gradient);
 }
 
+bool sees_shape_only(const PoseTerm& term) {
+  return term.kind() != "fiducial" && term.kind() != "texture" && term.kind() != "frozen";
+}
+
+// The facets of a round mesh would tell what its object does not show.
+void remove_turns_about(const Eigen::Vector3d& axis, LinearizedTerm& term) {
+  const Eigen::Vector3d along = term.information.topLeftCorner<3, 3>() * axis;
+  Vector6 column;
+  column << along, term.information.bottomLeftCorner<3, 3>() * axis;
+  Vector6 a = Vector6::Zero();
+  a.head<3>() = axis;
+  const double both = a.dot(column);
+  term.information += both * a * a.transpose() - column * a.transpose() - a * column.transpose();
+  term.gradient -= a.dot(term.gradient) * a;
+}
+
 }  // namespace
 
 CameraSystem linearize(const Voter& voter, const Rigid3& world_from_object,
@@ -37,10 +53,13 @@ CameraSystem linearize(const Voter& voter, const Rigid3& world_from_object,
   CameraSystem sum;
   double cost = 0;
   for (const PoseTermPtr& term : voter.observation->terms) {
-    const LinearizedTerm part = term->linearize(world_from_object);
+    LinearizedTerm part = term->linearize(world_from_object);
     if (part.residuals <= 0) continue;
     if (!std::isfinite(part.cost) || !part.gradient.allFinite() || !part.information.allFinite()) {
       return {};
+    }
+    if (voter.free_axis != nullptr && sees_shape_only(*term)) {
+      remove_turns_about(*voter.free_axis, part);
     }
     sum.information += part.information;
     sum.gradient += part.gradient;

@@ -16,6 +16,8 @@ struct Voter {
   /// others; 0: none.
   double unproven_rotation = 0;
   double unproven_translation = 0;
+  /// Object frame, through its origin: outline and edges know nothing of turns about it. Or null.
+  const Eigen::Vector3d* free_axis = nullptr;
 };
 
 /// All terms of one camera, linearised at one pose: cost, gradient and information are divided by

@@ -69,10 +69,10 @@ Status check(const EstimatorOptions& o) {
 }  // namespace
 
 struct ObjectEstimator::Impl {
-  Impl(const EstimatorOptions& chosen, ObjectId id)
+  Impl(const EstimatorOptions& chosen, ObjectId id, const Lookalikes& lookalikes)
       : options(chosen),
         object(id),
-        bank(chosen, id),
+        bank(chosen, id, lookalikes),
         initial(bank.nothing_known()),
         ring(chosen.ring, chosen.ring_capacity, initial),
         history(chosen.history) {}
@@ -122,9 +122,10 @@ PoseTrackPtr ObjectEstimator::Impl::build_track() const {
   return std::make_shared<const PoseTrack>(object, std::move(estimates), options.noise);
 }
 
-Result<ObjectEstimator> ObjectEstimator::create(const EstimatorOptions& options, ObjectId object) {
+Result<ObjectEstimator> ObjectEstimator::create(const EstimatorOptions& options, ObjectId object,
+                                                const Lookalikes& lookalikes) {
   SL_RETURN_IF_ERROR(check(options));
-  return ObjectEstimator(std::make_unique<Impl>(options, object));
+  return ObjectEstimator(std::make_unique<Impl>(options, object, lookalikes));
 }
 
 ObjectEstimator::ObjectEstimator(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}

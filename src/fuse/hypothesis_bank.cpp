@@ -18,12 +18,6 @@ constexpr double kSurpriseAlarm = 16.8;  // 99 % of chi-square with 6 dof
 constexpr double kNoSystematic = 1e-14;  // [rad^2, m^2]
 constexpr double kSamePose = 4.0;        // squared Mahalanobis distance (6 dof) of one and the same
 
-bool same_pose(const PoseEstimate& a, const PoseEstimate& b) {
-  const Vector6 d = difference(a.world_from_object, b.world_from_object);
-  const Matrix6 covariance = a.pose_covariance() + b.pose_covariance();
-  return d.dot(covariance.ldlt().solve(d)) < kSamePose;
-}
-
 // Not yet proven poses come after the one in force whatever their evidence.
 bool comes_before(const Outcome& a, const Outcome& b) {
   if (a.hypothesis.challenger != b.hypothesis.challenger) return b.hypothesis.challenger;
@@ -32,9 +26,11 @@ bool comes_before(const Outcome& a, const Outcome& b) {
 
 }  // namespace
 
-HypothesisBank::HypothesisBank(const EstimatorOptions& options, ObjectId object)
+HypothesisBank::HypothesisBank(const EstimatorOptions& options, ObjectId object,
+                               const Lookalikes& lookalikes)
     : options_(options),
       object_(object),
+      alike_(lookalikes),
       vote_(options),
       surprise_limit_(chi_square_quantile(options.gate_probability, 6)) {}
 
@@ -51,6 +47,7 @@ void HypothesisBank::step(const BankState& before, Time time, std::span<const Ob
   after.iterations = 0;
   after.started = after.reset = false;
   expire(time, after);
+  set_ = set;
   collect_voters(time, set, after);
   outcomes_.clear();
   if (!voters_.empty()) {
@@ -77,7 +74,7 @@ void HypothesisBank::step(const BankState& before, Time time, std::span<const Ob
   }
   const Outcome* best = outcomes_.empty() ? nullptr : &outcomes_.front();
   const bool contradicted = record_looks(time, set, best, options_, after);
-  publish(time, contradicted, options_, after);
+  publish(time, contradicted, options_, alike_, after);
 }
 
 void HypothesisBank::expire(Time time, BankState& state) const {
@@ -128,7 +125,9 @@ void HypothesisBank::collect_voters(Time time, std::span<const Observation> set,
   for (const Observation& observation : set) {
     if (observation.terms.empty()) continue;
     const CameraRecord& record = state.cameras[observation.camera.index() & 63u];
-    Voter voter{&observation, std::max(1.0, record.scale), std::max(1.0, record.systematic), 0, 0};
+    Voter voter{
+        &observation,      std::max(1.0, record.scale), std::max(1.0, record.systematic), 0, 0,
+        alike_.free_axis()};
     if (compared && options_.learn_systematic) {
       voter.unproven_rotation = record.unproven * std::pow(options_.systematic_rotation, 2);
       voter.unproven_translation = record.unproven * std::pow(options_.systematic_translation, 2);
@@ -138,12 +137,35 @@ void HypothesisBank::collect_voters(Time time, std::span<const Observation> set,
 }
 
 bool HypothesisBank::too_loose(const PoseEstimate& estimate) const {
-  return estimate.sigma_translation() > options_.reacquire_sigma_translation ||
-         estimate.sigma_rotation() > options_.reacquire_sigma_rotation;
+  return estimate.own_sigma_translation() > options_.reacquire_sigma_translation ||
+         estimate.own_sigma_rotation() > options_.reacquire_sigma_rotation;
+}
+
+// Poses that look alike are one hypothesis.
+bool HypothesisBank::same_pose(const PoseEstimate& a, const PoseEstimate& b) const {
+  const Matrix6 covariance = a.own_covariance() + b.own_covariance();
+  const Eigen::LDLT<Matrix6> metric(covariance);
+  for (size_t k = 0; k < alike_.size(); ++k) {
+    const Vector6 d = difference(a.world_from_object, alike_.turned(b.world_from_object, k));
+    if (d.dot(metric.solve(d)) < kSamePose) return true;
+  }
+  return false;
+}
+
+// The hypothesis after the set has told which of the poses that look alike it is. They move alike,
+// so the choice can be made before the prediction.
+Hypothesis HypothesisBank::with_sides(const Hypothesis& hypothesis, Time time) const {
+  Hypothesis out = hypothesis;
+  const PoseEstimate predicted = moved_to(time, hypothesis, hypothesis.motion);
+  alike_.allow_motion(predicted.own_covariance(), out);
+  alike_.take(set_, predicted.world_from_object, out);
+  alike_.choose(out);
+  return out;
 }
 
 // Updates one hypothesis with the set.
-void HypothesisBank::follow(const Hypothesis& hypothesis, Time time) {
+void HypothesisBank::follow(const Hypothesis& known, Time time) {
+  const Hypothesis hypothesis = alike_.size() > 1 ? with_sides(known, time) : known;
   Hypothesis moved = hypothesis;
   moved.estimate = moved_to(time, hypothesis, hypothesis.motion);
   if (too_loose(moved.estimate)) {
@@ -220,6 +242,7 @@ void HypothesisBank::add_outcome(const Hypothesis& moved, Time time) {
   if (verdict_.accepted != 0) {
     Hypothesis& h = outcome.hypothesis;
     h.estimate = posterior(moved.estimate, verdict_.minimum);
+    alike_.bound_free_axis(h.estimate);
     h.estimate.cameras = verdict_.accepted;
     h.estimate.last_measured = time;
     h.confirmations = moved.confirmations + std::popcount(verdict_.accepted);
@@ -305,6 +328,9 @@ void HypothesisBank::start_from(const Voter& proposer, const Rigid3& pose, Time 
   verdict_.evidence += penalty;
   verdict_.gated |= gated;
   add_outcome(fresh, time);
+  Hypothesis& started = outcomes_.back().hypothesis;
+  alike_.take(set_, started.estimate.world_from_object, started);
+  alike_.choose(started);
 }
 
 // Stable, and without the buffer that std::stable_sort allocates.

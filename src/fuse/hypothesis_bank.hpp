@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "alike_poses.hpp"
 #include "bank_state.hpp"
 #include "sightline/fuse/estimator.hpp"
 #include "vote.hpp"
@@ -14,7 +15,7 @@ namespace sightline::fuse {
 /// same input gives the same bytes.
 class HypothesisBank {
  public:
-  HypothesisBank(const EstimatorOptions& options, ObjectId object);
+  HypothesisBank(const EstimatorOptions& options, ObjectId object, const Lookalikes& lookalikes);
 
   /// State of an object that was never seen.
   BankState nothing_known() const;
@@ -26,7 +27,9 @@ class HypothesisBank {
   void expire(Time time, BankState& state) const;
   PoseEstimate moved_to(Time time, const Hypothesis& hypothesis, const MotionScale& motion) const;
   void collect_voters(Time time, std::span<const Observation> set, const BankState& state);
-  void follow(const Hypothesis& hypothesis, Time time);
+  Hypothesis with_sides(const Hypothesis& hypothesis, Time time) const;
+  bool same_pose(const PoseEstimate& a, const PoseEstimate& b) const;
+  void follow(const Hypothesis& known, Time time);
   void follow_loose(const Hypothesis& moved, Time time);
   MotionScale wanted_scale(const MotionScale& motion) const;
   void start(Time time, double evidence, bool challenger);
@@ -43,11 +46,13 @@ class HypothesisBank {
 
   EstimatorOptions options_;
   ObjectId object_;
+  AlikePoses alike_;
   Vote vote_;
   double surprise_limit_;  ///< squared Mahalanobis distance from the prediction
   Verdict verdict_;
   Verdict calm_verdict_;
   std::vector<Voter> voters_;
+  std::span<const Observation> set_;  ///< under way
   int holding_ = 0;  ///< cameras that see the object now or did at their newest look
   std::vector<Voter> others_;
   std::vector<Outcome> outcomes_;

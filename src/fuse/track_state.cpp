@@ -50,25 +50,54 @@ int holding_cameras(Time time, const EstimatorOptions& options, const BankState&
   return holding;
 }
 
-TrackState classify(Time time, bool contradicted, const EstimatorOptions& options,
-                    const BankState& state) {
+double largest_sigma(const Eigen::Matrix3d& covariance) {
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
+  solver.computeDirect(covariance, Eigen::EigenvaluesOnly);
+  return std::sqrt(std::max(0.0, solver.eigenvalues().maxCoeff()));
+}
+
+// What is against `tracking`, of an object that `holding` cameras see.
+Doubts doubts_of(int holding, bool contradicted, const EstimatorOptions& options,
+                 const AlikePoses& alike, const BankState& state) {
+  const Hypothesis& main = state.hypotheses[0];
+  const Matrix6 covariance = state.published.own_covariance();
+  const bool alone = holding == 1;
+  const double limit =
+      alone ? std::min(options.max_sigma_translation, options.max_sigma_translation_alone)
+            : options.max_sigma_translation;
+  Doubts doubts = 0;
+  const auto add = [&](bool holds, Doubt doubt) {
+    if (holds) doubts = static_cast<Doubts>(doubts | doubt);
+  };
+  add(main.confirmations < options.confirm_sets, kUnconfirmed);
+  add(state.count > 1, kSeveralPoses);
+  add(alike.ambiguous(main), kAmbiguous);
+  add(state.published.own_sigma_translation() > limit, kWeakPosition);
+  add(largest_sigma(alike.known_rotation(covariance.topLeftCorner<3, 3>())) >
+          options.max_sigma_rotation,
+      kWeakRotation);
+  add(alone && (options.one_camera_is_degraded || (doubts & kWeakPosition) != 0), kOneCamera);
+  add(contradicted, kContradicted);
+  return doubts;
+}
+
+void classify(Time time, bool contradicted, const EstimatorOptions& options,
+              const AlikePoses& alike, BankState& state) {
+  PoseEstimate& out = state.published;
+  out.doubts = 0;
   if (state.count == 0) {
-    if (!state.found_before) return TrackState::kSearching;
-    const Duration age = time - state.published.last_measured;
-    return age > options.searching_after ? TrackState::kSearching : TrackState::kLost;
+    const bool long_ago = time - out.last_measured > options.searching_after;
+    out.state = state.found_before && !long_ago ? TrackState::kLost : TrackState::kSearching;
+    return;
   }
   const int holding = holding_cameras(time, options, state);
-  if (holding == 0) return TrackState::kCoasting;
-  const Hypothesis& main = state.hypotheses[0];
-  const double limit =
-      holding > 1 ? options.max_sigma_translation
-                  : std::min(options.max_sigma_translation, options.max_sigma_translation_alone);
-  const bool sure = state.count == 1 && !contradicted &&
-                    main.confirmations >= options.confirm_sets &&
-                    (holding > 1 || !options.one_camera_is_degraded) &&
-                    state.published.sigma_translation() <= limit &&
-                    state.published.sigma_rotation() <= options.max_sigma_rotation;
-  return sure ? TrackState::kTracking : TrackState::kDegraded;
+  if (holding == 0) {
+    out.state = TrackState::kCoasting;
+    out.doubts = alike.ambiguous(state.hypotheses[0]) ? kAmbiguous : 0;
+    return;
+  }
+  out.doubts = doubts_of(holding, contradicted, options, alike, state);
+  out.state = out.doubts == 0 ? TrackState::kTracking : TrackState::kDegraded;
 }
 
 // The filter takes a camera's systematic error for new in every frame and averages it away. What is
@@ -196,18 +225,20 @@ bool record_looks(Time time, std::span<const Observation> set, const Outcome* be
   return accepted == 0 && lost_a_friend;
 }
 
-void publish(Time time, bool contradicted, const EstimatorOptions& options, BankState& state) {
+void publish(Time time, bool contradicted, const EstimatorOptions& options, const AlikePoses& alike,
+             BankState& state) {
   PoseEstimate& out = state.published;
   if (state.count > 0) {
     out = state.hypotheses[0].estimate;
     state.found_before = true;
     keep_systematic(state.hypotheses[0].systematic_information, out);
     add_spread(state, out);
+    out.alternatives = alike.spread(state.hypotheses[0]);
   } else {
     out.cameras = 0;
   }
   out.time = time;
-  out.state = classify(time, contradicted, options, state);
+  classify(time, contradicted, options, alike, state);
   if (out.state != TrackState::kCoasting) return;
   for (Hypothesis& hypothesis : state.hypotheses) {
     hypothesis.motion = at_least_nominal(hypothesis.motion);

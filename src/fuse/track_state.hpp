@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "alike_poses.hpp"
 #include "bank_state.hpp"
 #include "sightline/fuse/estimator.hpp"
 
@@ -21,8 +22,9 @@ bool record_looks(Time time, std::span<const Observation> set, const Outcome* be
                   const EstimatorOptions& options, BankState& state);
 
 /// Fills state.published from the hypotheses. While several remain, the covariance holds their
-/// spread.
-void publish(Time time, bool contradicted, const EstimatorOptions& options, BankState& state);
+/// spread; poses that look alike are in its `alternatives`.
+void publish(Time time, bool contradicted, const EstimatorOptions& options, const AlikePoses& alike,
+             BankState& state);
 
 /// What becomes of a state by the time `now` if no set comes in: coasting, lost, searching.
 TrackState state_in_silence(const BankState& state, Time now, const EstimatorOptions& options);

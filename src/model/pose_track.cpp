@@ -3,6 +3,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace sightline {
@@ -14,6 +15,12 @@ double largest_sigma(const Eigen::Matrix3d& covariance) {
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
   solver.computeDirect(covariance, Eigen::EigenvaluesOnly);
   return std::sqrt(std::max(0.0, solver.eigenvalues().maxCoeff()));
+}
+
+Eigen::Vector3d largest_direction(const Eigen::Matrix3d& covariance) {
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
+  solver.computeDirect(covariance);
+  return solver.eigenvectors().col(2);  // eigenvalues ascend
 }
 
 // Perturbing pose and twist on the right and carrying both through pose * exp(twist * dt).
@@ -51,6 +58,8 @@ PoseEstimate interpolate(const PoseEstimate& a, const PoseEstimate& b, Time time
       a.world_from_object * Rigid3::exp(s * difference(a.world_from_object, b.world_from_object));
   result.twist = (1 - s) * a.twist + s * b.twist;
   result.covariance = (1 - s) * a.covariance + s * b.covariance;
+  result.alternatives = (1 - s) * a.alternatives + s * b.alternatives;
+  result.doubts = a.doubts | b.doubts;
   result.cameras = 0;
   return result;
 }
@@ -73,12 +82,41 @@ std::string_view to_string(TrackState state) {
   return "unknown";
 }
 
+std::string to_string(Doubts doubts, std::string_view separator) {
+  static constexpr std::array<std::string_view, 7> kNames = {
+      "unconfirmed",   "several_poses", "ambiguous",   "weak_position",
+      "weak_rotation", "one_camera",    "contradicted"};
+  std::string text;
+  for (size_t i = 0; i < kNames.size(); ++i) {
+    if ((doubts >> i & 1) == 0) continue;
+    if (!text.empty()) text += separator;
+    text += kNames[i];
+  }
+  return text;
+}
+
 double PoseEstimate::sigma_rotation() const {
-  return largest_sigma(covariance.topLeftCorner<3, 3>());
+  return largest_sigma(pose_covariance().topLeftCorner<3, 3>());
 }
 
 double PoseEstimate::sigma_translation() const {
+  return largest_sigma(pose_covariance().bottomRightCorner<3, 3>());
+}
+
+double PoseEstimate::own_sigma_rotation() const {
+  return largest_sigma(covariance.topLeftCorner<3, 3>());
+}
+
+double PoseEstimate::own_sigma_translation() const {
   return largest_sigma(covariance.block<3, 3>(3, 3));
+}
+
+Eigen::Vector3d PoseEstimate::weak_direction() const {
+  return world_from_object.rotation * largest_direction(covariance.block<3, 3>(3, 3));
+}
+
+Eigen::Vector3d PoseEstimate::weak_axis() const {
+  return world_from_object.rotation * largest_direction(covariance.topLeftCorner<3, 3>());
 }
 
 PoseEstimate predict(const PoseEstimate& from, Time to, const MotionNoise& noise) {

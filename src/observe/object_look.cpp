@@ -3,7 +3,10 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
+
+#include "surface_likeness.hpp"
 
 namespace sightline::observe {
 namespace {
@@ -30,6 +33,8 @@ constexpr double kEdgeAgrees = 1.0;     // [px]
 constexpr size_t kFewestPoints = 8;
 constexpr int kPrinted = 12;              // points from which on edges are not asked
 constexpr double kMaxTextureNoise = 0.8;  // [px]
+constexpr size_t kTellingPoints = 10;     // found, for texture to tell sides apart
+constexpr double kPointTells = 0.5;       // -log likelihood
 constexpr size_t kFewestEdges = 16;
 constexpr int kEdgeRounds = 2;          // of choosing the nearest step
 constexpr double kMaxEdgeNoise = 0.75;  // [px]
@@ -301,7 +306,7 @@ PoseTermPtr ObjectLook::texture_term(const Frame& frame) {
   const TrackerOptions& options = camera_.options;
   const Rigid3 fitted = world_from_object_ * Rigid3::exp(region_step_);
   const Rigid3 camera_from_object = camera_.camera_from_world * fitted;
-  texture_->find(frame.grey(), camera_from_object, hiders_);
+  texture_->find(frame.grey(), camera_from_object, hiders_, at_.doubtful);
   const auto& found = texture_->found();
   if (found.size() < kFewestPoints) return nullptr;
   const LineProjector projector(camera_.camera->model, camera_from_object);
@@ -335,6 +340,43 @@ PoseTermPtr ObjectLook::texture_term(const Frame& frame) {
   if (matches.size() < kFewestPoints) return nullptr;
   return std::make_shared<CornerTerm>(camera_.camera, std::move(matches), options.huber,
                                       options.texture_error, "texture");
+}
+
+void ObjectLook::forget_learned() {
+  appearance_.forget();
+  if (texture_) texture_->forget();
+}
+
+void ObjectLook::compare_sides(const Frame& frame, bool texture_tells,
+                               std::vector<PoseHypothesis>& alike) {
+  std::vector<Rigid3> poses = {world_from_object_ * Rigid3::exp(region_step_)};
+  for (const Rigid3& turn : object_.lookalikes.turns) poses.push_back(poses[0] * turn);
+  std::vector<double> costs(poses.size(), 0.0);
+  bool told = false;
+  if (object_.spots) {
+    const I420View picture = frame.i420();
+    const std::array<PlaneView, 3> half = {frame.half_grey(), picture.u, picture.v};
+    std::vector<double> likeness;
+    for (const Rigid3& pose : poses) {
+      likeness.push_back(surface_likeness(*object_.spots, camera_.camera->model,
+                                          camera_.camera_from_world * pose, half));
+    }
+    told = *std::max_element(likeness.begin(), likeness.end()) >= kLeastLikeness;
+    for (size_t k = 0; told && k < poses.size(); ++k) costs[k] += likeness_cost(likeness[k]);
+  }
+  if (texture_ && texture_tells) {
+    std::vector<size_t> found;
+    for (const Rigid3& pose : poses) {
+      texture_->find(frame.grey(), camera_.camera_from_world * pose, hiders_, true);
+      found.push_back(texture_->found().size());
+    }
+    const bool matches = *std::max_element(found.begin(), found.end()) >= kTellingPoints;
+    for (size_t k = 0; matches && k < poses.size(); ++k) {
+      costs[k] -= kPointTells * static_cast<double>(found[k]);
+    }
+    told |= matches;
+  }
+  for (size_t k = 0; told && k < poses.size(); ++k) alike.push_back({poses[k], costs[k]});
 }
 
 void ObjectLook::note_texture(const Frame& frame) {

@@ -17,6 +17,7 @@ namespace sightline::observe {
 struct LookAt {
   Rigid3 world_from_object;
   Matrix6 covariance;
+  bool doubtful = false;  ///< it may be another pose that looks alike
 };
 
 /// The camera side of all looks: shared by the objects of one tracker.
@@ -42,6 +43,13 @@ class ObjectLook {
   /// colours as this frame shows them there. Appends terms if the object is seen.
   void measure(const Frame& frame, const LookAt& at, bool fresh_colors,
                std::span<const HidingSphere> spheres, std::vector<PoseTermPtr>& terms);
+
+  /// What texture (if it is known whose side it is) and the mesh's colours say of the fitted pose
+  /// and of those that look alike; nothing is appended if nothing is known.
+  void compare_sides(const Frame& frame, bool texture_tells, std::vector<PoseHypothesis>& alike);
+  /// True if anything was learned of its look.
+  bool learned() const { return appearance_.known() || (texture_ && texture_->kept() > 0); }
+  void forget_learned();
 
   /// Pose at which the lines of the last measure() were placed last.
   const Rigid3& fitted() const { return world_from_object_; }

@@ -19,6 +19,9 @@ using observe::ObjectLook;
 // Colours are learned only if the estimate of that frame lies where they were read.
 constexpr double kSameOutlinePx = 2.0;
 // Points of texture stay where the pose puts them: it has to be known [rad, m].
+// An estimate that turns more than this from one frame to the next was moved to another pose that
+// looks alike [rad].
+constexpr double kOtherPose = 0.7;
 constexpr double kSureRotation = 0.010, kSureTranslation = 0.004;
 
 Status require(bool good, const char* name, const char* range) {
@@ -53,6 +56,10 @@ Observation nothing_seen(const Frame& frame, CameraId camera, ObjectId object) {
   return out;
 }
 
+bool only_ambiguous(const PoseEstimate& estimate) {
+  return estimate.state == TrackState::kDegraded && estimate.doubts == kAmbiguous;
+}
+
 }  // namespace
 
 class ObjectTracker::Impl {
@@ -84,6 +91,8 @@ class ObjectTracker::Impl {
     // Colours of the newest frame, until its estimate is known.
     bool pending = false;
     Time pending_capture{};
+    /// What was learned belongs to a pose that may be another: it says nothing of which it is.
+    bool provisional = false;
     size_t pending_side = 0;
     std::vector<uint16_t> foreground, background;
   };
@@ -93,6 +102,7 @@ class ObjectTracker::Impl {
     return frame.info().status == FrameStatus::kGood && frame.info().width == model.width() &&
            frame.info().height == model.height();
   }
+  void review_provisional(State& state, const PoseAt& at);
   bool learn_pending(State& state, const PoseTrack& track);
   void gather_hiders(ObjectId object, Time time, std::span<const PoseTrackPtr> tracks);
 
@@ -103,17 +113,35 @@ class ObjectTracker::Impl {
   std::vector<HidingSphere> spheres_;
 };
 
+// Provisional knowledge becomes sure when the pose does, and worthless when the object is lost or
+// turns out to lie another way.
+void ObjectTracker::Impl::review_provisional(State& state, const PoseAt& at) {
+  if (!state.provisional) return;
+  const bool there = at.source != PoseSource::kNone && has_pose(at.estimate.state);
+  if (!there || rotation_angle(at.estimate.world_from_object, state.look.fitted()) > kOtherPose) {
+    state.look.forget_learned();
+    state.provisional = false;
+  } else if (at.estimate.state == TrackState::kTracking) {
+    state.provisional = false;
+  }
+}
+
 bool ObjectTracker::Impl::learn_pending(State& state, const PoseTrack& track) {
   if (!std::exchange(state.pending, false)) return false;
   const PoseAt at = track.at(state.pending_capture);
-  if (at.source != PoseSource::kEstimated || at.estimate.state != TrackState::kTracking ||
+  const bool ambiguous = only_ambiguous(at.estimate);
+  // What is sure must not be mixed with what may be the other way round.
+  const bool wanted = at.estimate.state == TrackState::kTracking ||
+                      (ambiguous && (state.provisional || !state.look.learned()));
+  if (at.source != PoseSource::kEstimated || !wanted ||
       (at.estimate.cameras & camera_bit(id_)) == 0 ||
       state.look.outline_distance(at.estimate.world_from_object) > kSameOutlinePx) {
     state.look.drop_texture();
     return false;
   }
-  if (at.estimate.sigma_rotation() < kSureRotation &&
-      at.estimate.sigma_translation() < kSureTranslation) {
+  state.provisional |= ambiguous;
+  if (at.estimate.own_sigma_rotation() < kSureRotation &&
+      at.estimate.own_sigma_translation() < kSureTranslation) {
     state.look.keep_texture(at.estimate.world_from_object);
   } else {
     state.look.drop_texture();
@@ -154,13 +182,19 @@ void ObjectTracker::Impl::step(const Frame& frame, std::span<const PoseTrackPtr>
     if (track == tracks.end() || (*track)->empty()) continue;
     const bool learned = learn_pending(state, **track);
     const PoseAt at = (*track)->at(capture);
+    review_provisional(state, at);
     if (at.source == PoseSource::kNone || !has_pose(at.estimate.state)) continue;
     gather_hiders(object, capture, tracks);
-    state.look.measure(frame, {at.estimate.world_from_object, at.estimate.pose_covariance()}, false,
-                       spheres_, observation.terms);
+    const bool ambiguous = (at.estimate.doubts & kAmbiguous) != 0;
+    const bool sure_before = state.look.learned() && !state.provisional;
+    // Colours that were learned of another side would mislead.
+    state.look.measure(frame,
+                       {at.estimate.world_from_object, at.estimate.own_covariance(), ambiguous},
+                       ambiguous && sure_before, spheres_, observation.terms);
     state.last = state.look.look();
     state.last.learned = learned;
     if (!state.last.seen) continue;
+    if (ambiguous) state.look.compare_sides(frame, sure_before, observation.alike);
     state.look.collect(frame, state.foreground, state.background);
     state.look.note_texture(frame);
     state.pending = true;

@@ -3,60 +3,25 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
-#include <optional>
 
 #include "detection_term.hpp"
 #include "edge_maps.hpp"
+#include "surface_likeness.hpp"
 
 namespace sightline {
+
+using observe::surface_likeness;
+
 namespace {
 
 constexpr size_t kLeastSpots = 50;
-constexpr size_t kLeastSeen = 40;       // spots of one camera that can be compared
-constexpr float kLeastFacing = 0.3f;    // cosine between normal and line of sight
-constexpr double kLeastLikeness = 0.3;  // below it the colours say nothing
-constexpr double kClearly = 0.1;        // less alike than the best one
+constexpr double kClearly = 0.1;  // less alike than the best one
 
 struct Seen {
   FrameInfo info;
   SmallPicture picture;
   bool valid = false;
 };
-
-// Mean of 3 x 3 pixels; empty at the border and outside.
-std::optional<Eigen::Vector3f> colour_at(const SmallPicture& picture, const Eigen::Vector2d& at) {
-  const int x = static_cast<int>(std::floor(at.x() + 0.5));
-  const int y = static_cast<int>(std::floor(at.y() + 0.5));
-  if (x < 1 || y < 1 || x >= picture.width - 1 || y >= picture.height - 1) return std::nullopt;
-  Eigen::Vector3f sum = Eigen::Vector3f::Zero();
-  for (int v = y - 1; v <= y + 1; ++v) {
-    for (int u = x - 1; u <= x + 1; ++u) {
-      for (int plane = 0; plane < 3; ++plane) {
-        sum[plane] += static_cast<float>(picture.row(static_cast<size_t>(plane), v)[u]);
-      }
-    }
-  }
-  return sum / 9;
-}
-
-// Correlation of all channels together, each about its own mean.
-double correlation(const std::vector<Eigen::Vector3f>& a, const std::vector<Eigen::Vector3f>& b) {
-  Eigen::Vector3d mean_a = Eigen::Vector3d::Zero(), mean_b = Eigen::Vector3d::Zero();
-  for (size_t i = 0; i < a.size(); ++i) {
-    mean_a += a[i].cast<double>() / static_cast<double>(a.size());
-    mean_b += b[i].cast<double>() / static_cast<double>(a.size());
-  }
-  double both = 0, only_a = 0, only_b = 0;
-  for (size_t i = 0; i < a.size(); ++i) {
-    const Eigen::Vector3d u = a[i].cast<double>() - mean_a, v = b[i].cast<double>() - mean_b;
-    both += u.dot(v);
-    only_a += u.squaredNorm();
-    only_b += v.squaredNorm();
-  }
-  const double scale = std::sqrt(only_a * only_b);
-  return scale > 1e-6 ? both / scale : 0;
-}
 
 }  // namespace
 
@@ -81,6 +46,22 @@ class SurfaceLook::Impl {
     return 0;
   }
 
+  void compare(const Lookalikes& lookalikes, Detection& detection) const {
+    for (Observation& observation : detection.observations) {
+      if (observation.hypotheses.empty() || lookalikes.turns.empty()) continue;
+      const Rigid3 pose = observation.hypotheses.front().world_from_object;
+      std::vector<PoseHypothesis> alike;
+      double best = likeness(observation, pose);
+      alike.push_back({pose, observe::likeness_cost(best)});
+      for (const Rigid3& turn : lookalikes.turns) {
+        const double other = likeness(observation, pose * turn);
+        alike.push_back({pose * turn, observe::likeness_cost(other)});
+        best = std::max(best, other);
+      }
+      if (best >= observe::kLeastLikeness) observation.alike = std::move(alike);
+    }
+  }
+
   void resolve(Detection& detection) const {
     if (detection.poses.size() < 2) return;
     std::vector<double> alike(detection.poses.size(), 0);
@@ -91,7 +72,7 @@ class SurfaceLook::Impl {
       }
     }
     const double best = *std::max_element(alike.begin(), alike.end());
-    if (best < kLeastLikeness) return;
+    if (best < observe::kLeastLikeness) return;
     for (size_t k = alike.size(); k-- > 0;) {
       if (alike[k] < best - kClearly) drop(k, detection);
     }
@@ -123,22 +104,13 @@ class SurfaceLook::Impl {
 
   double likeness(size_t camera, const Rigid3& world_from_object) const {
     const CalibratedCamera& calibration = cameras_[camera].calibration;
-    const Rigid3 camera_from_object = calibration.world_from_camera.inverse() * world_from_object;
-    const Eigen::Vector3f eye = camera_from_object.inverse().translation.cast<float>();
-    std::vector<Eigen::Vector3f> painted, shown;
-    for (size_t i = 0; i < spots_.size(); ++i) {
-      const Eigen::Vector3f sight = eye - spots_[i].point;
-      if (sight.dot(spots_[i].normal) < kLeastFacing * sight.norm()) continue;
-      const auto pixel =
-          calibration.model.project(camera_from_object * spots_[i].point.cast<double>());
-      if (!pixel) continue;
-      const Eigen::Vector2d half = (*pixel + Eigen::Vector2d::Constant(0.5)) / 2;
-      const auto colour = colour_at(seen_[camera].picture, half - Eigen::Vector2d::Constant(0.5));
-      if (!colour) continue;
-      painted.push_back(spots_[i].color);
-      shown.push_back(*colour);
+    const SmallPicture& picture = seen_[camera].picture;
+    std::array<PlaneView, 3> planes;
+    for (size_t k = 0; k < 3; ++k) {
+      planes[k] = {picture.planes[k].data(), picture.width, picture.height, picture.width};
     }
-    return painted.size() >= kLeastSeen ? correlation(painted, shown) : 0;
+    return surface_likeness(spots_, calibration.model,
+                            calibration.world_from_camera.inverse() * world_from_object, planes);
   }
 
   // Pose k goes, and with it its share of every observation.
@@ -180,5 +152,8 @@ double SurfaceLook::likeness(const Observation& observation,
   return impl_->likeness(observation, world_from_object);
 }
 void SurfaceLook::resolve(Detection& detection) const { impl_->resolve(detection); }
+void SurfaceLook::compare(const Lookalikes& lookalikes, Detection& detection) const {
+  impl_->compare(lookalikes, detection);
+}
 
 }  // namespace sightline

@@ -116,7 +116,7 @@ bool TexturePoints::align(const PlaneView& grey, const Point& point, const Eigen
 }
 
 void TexturePoints::find(const PlaneView& grey, const Rigid3& camera_from_object,
-                         const Hiders& hiders) {
+                         const Hiders& hiders, bool doubtful) {
   found_.clear();
   const Eigen::Matrix3d rotation = camera_from_object.rotation_matrix();
   const Eigen::Vector3d eye = camera_from_object.inverse().translation;
@@ -139,7 +139,7 @@ void TexturePoints::find(const PlaneView& grey, const Rigid3& camera_from_object
     if (align(grey, point, warp, pixel)) {
       found_.push_back({point.in_object, pixel});
       point.misses = 0;
-    } else {
+    } else if (!doubtful) {
       ++point.misses;
     }
   }
@@ -263,6 +263,14 @@ bool TexturePoints::make_point(const Candidate& candidate, const DepthTile& dept
     }
   }
   return true;
+}
+
+void TexturePoints::forget() {
+  points_.clear();
+  candidates_.clear();
+  found_.clear();
+  rest_ = 0;
+  pause_ = kShortestPause;
 }
 
 void TexturePoints::drop_candidates() {

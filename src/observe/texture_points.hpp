@@ -27,8 +27,10 @@ class TexturePoints {
 
   TexturePoints(const CameraModel& camera, const DepthRendererFactory& factory);
 
-  /// Looks for the kept points around where `camera_from_object` puts them.
-  void find(const PlaneView& grey, const Rigid3& camera_from_object, const Hiders& hiders);
+  /// Looks for the kept points around where `camera_from_object` puts them. Those that are missed
+  /// again and again are dropped, unless the pose may be another (`doubtful`).
+  void find(const PlaneView& grey, const Rigid3& camera_from_object, const Hiders& hiders,
+            bool doubtful);
   struct Found {
     Eigen::Vector3d point_in_object;
     Eigen::Vector2d pixel;
@@ -44,6 +46,7 @@ class TexturePoints {
   /// The estimate is not good enough; that says nothing of the texture.
   void drop_candidates();
   size_t kept() const { return points_.size(); }
+  void forget();
 
  private:
   using Patch = std::array<float, kSide * kSide>;

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The cache file of a viewpoint model: little-endian numbers without gaps.
-//   magic, version, key, options, centre, radius, counts; per view: direction, counts, area,
-//   length, mask; all outline samples; all edge samples; FNV-1a of everything before.
+//   magic, version, key, options, centre, radius, turns, axis of symmetry, counts; per view:
+//   direction, counts, area, length, mask; all outline samples; all edge samples; FNV-1a of
+//   everything before.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -12,6 +13,7 @@
 
 #include "sightline/base/files.hpp"
 #include "sightline/base/log.hpp"
+#include "sightline/model/lookalikes.hpp"
 #include "view_sphere.hpp"
 #include "viewpoint_model_builder.hpp"
 
@@ -93,6 +95,37 @@ bool within(float value, float low, float high) { return value >= low && value <
 
 bool unit(const Eigen::Vector3f& vector) { return within(vector.squaredNorm(), 0.99f, 1.01f); }
 
+void put_symmetry(std::string& out, const std::vector<Rigid3>& turns,
+                  const std::optional<Eigen::Vector3d>& axis) {
+  put(out, static_cast<uint32_t>(turns.size()));
+  for (const Rigid3& turn : turns) {
+    put(out, Eigen::Vector4d(turn.rotation.coeffs()));
+    put(out, turn.translation);
+  }
+  put(out, axis.value_or(Eigen::Vector3d::Zero()));
+}
+
+// False if that is no symmetry.
+bool take_symmetry(Taker& in, double radius, std::vector<Rigid3>& turns,
+                   std::optional<Eigen::Vector3d>& axis) {
+  const size_t count = in.number<uint32_t>();
+  if (count > Lookalikes::kMost) return false;
+  for (size_t i = 0; i < count; ++i) {
+    Eigen::Quaterniond rotation;
+    for (Eigen::Index k = 0; k < 4; ++k) rotation.coeffs()[k] = in.number<double>();
+    const Eigen::Vector3d translation = in.vector<double>();
+    if (!(std::abs(rotation.norm() - 1) < 1e-6) || !(translation.norm() < 1e6 * radius)) {
+      return false;
+    }
+    turns.emplace_back(rotation, translation);
+  }
+  const Eigen::Vector3d direction = in.vector<double>();
+  if (!direction.allFinite()) return false;
+  if (direction.isZero(0.0)) return true;
+  axis = direction;
+  return std::abs(direction.norm() - 1) < 1e-6;
+}
+
 // Samples lie on or (outlines are smoothed) next to the mesh.
 bool near_center(const Eigen::Vector3f& point, const Eigen::Vector3d& center, double radius) {
   return (point.cast<double>() - center).norm() <= 1.1 * radius;
@@ -137,6 +170,7 @@ std::string ViewpointModelBuilder::write(const ViewpointModel& model) {
   put_options(out, model.options_);
   put(out, model.center_);
   put(out, model.radius_);
+  put_symmetry(out, model.turns_, model.symmetry_axis_);
   put(out, static_cast<uint32_t>(model.records_.size()));
   for (const auto& record : model.records_) {
     put(out, record.direction);
@@ -186,6 +220,9 @@ Result<std::shared_ptr<const ViewpointModel>> ViewpointModelBuilder::read(
       !(options.distance_radii >= 2 && options.distance_radii <= 1000) ||
       !model->center_.allFinite() || !(model->radius_ > 0 && model->radius_ < 1e6)) {
     return damaged("header");
+  }
+  if (!take_symmetry(in, model->radius_, model->turns_, model->symmetry_axis_)) {
+    return damaged("symmetry");
   }
   const ViewSphere sphere = make_view_sphere(options.subdivisions);
   const size_t views = in.number<uint32_t>();

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "mesh_creases.hpp"
+#include "self_symmetry.hpp"
 #include "sightline/base/log.hpp"
 #include "view_sampler.hpp"
 #include "view_sphere.hpp"
@@ -104,6 +105,9 @@ Result<std::shared_ptr<const ViewpointModel>> ViewpointModelBuilder::from_mesh(
   model->options_ = options;
   model->center_ = mesh.center.cast<double>();
   model->radius_ = static_cast<double>(mesh.radius);
+  const observe::SelfSymmetry symmetry = observe::find_self_symmetry(mesh);
+  model->turns_ = symmetry.turns;
+  model->symmetry_axis_ = symmetry.axis;
   // A line of crease points without gaps in the pictures.
   const double pixel = 2 * model->radius_ / (kFilled * options.picture_px);
   ViewSampler sampler(camera, options, model->center_, model->radius_,

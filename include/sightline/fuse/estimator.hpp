@@ -8,6 +8,7 @@
 #include "sightline/base/ids.hpp"
 #include "sightline/base/result.hpp"
 #include "sightline/base/time.hpp"
+#include "sightline/model/lookalikes.hpp"
 #include "sightline/model/observation.hpp"
 #include "sightline/model/pose_track.hpp"
 
@@ -90,8 +91,10 @@ struct EstimatorCounters {
 /// snapshots it returns are.
 class ObjectEstimator {
  public:
-  /// Refuses options that are out of range, naming them.
-  static Result<ObjectEstimator> create(const EstimatorOptions& options, ObjectId object);
+  /// Refuses options that are out of range, naming them. `lookalikes`: poses that the object's
+  /// shape cannot tell apart; while nothing else tells them apart the state is `degraded`.
+  static Result<ObjectEstimator> create(const EstimatorOptions& options, ObjectId object,
+                                        const Lookalikes& lookalikes = {});
   ~ObjectEstimator();
   ObjectEstimator(ObjectEstimator&&) noexcept;
   ObjectEstimator& operator=(ObjectEstimator&&) noexcept;

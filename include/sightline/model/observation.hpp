@@ -29,6 +29,9 @@ struct Observation {
   /// Stand-alone poses, best first; two for a lone planar marker that could be flipped. Empty if
   /// the observation can only refine a pose that is known.
   std::vector<PoseHypothesis> hypotheses;
+  /// What colours or print say of poses that the object's shape cannot tell apart, by a cost (-log
+  /// likelihood up to a constant) for each. Empty: nothing. Says nothing else of the pose.
+  std::vector<PoseHypothesis> alike;
 };
 
 }  // namespace sightline

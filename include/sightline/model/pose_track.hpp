@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <mutex>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -28,6 +29,20 @@ constexpr bool has_pose(TrackState state) {
          state == TrackState::kCoasting;
 }
 
+/// Why an object that is measured is `degraded`: bits.
+using Doubts = uint16_t;
+enum Doubt : Doubts {
+  kUnconfirmed = 1,    ///< too few measurements have agreed yet
+  kSeveralPoses = 2,   ///< the pictures fit more than one pose
+  kAmbiguous = 4,      ///< its shape looks alike in other poses, and nothing tells which it is
+  kWeakPosition = 8,   ///< not known well enough in a direction: weak_direction()
+  kWeakRotation = 16,  ///< or about an axis
+  kOneCamera = 32,     ///< one camera alone sees it, and that counts as weak
+  kContradicted = 64   ///< the cameras of this set refute it
+};
+/// "ambiguous", "weak_position", ... in a fixed order, `separator` between them; "" for none.
+std::string to_string(Doubts doubts, std::string_view separator);
+
 /// Up to 64 cameras as bits (index of CameraId).
 using CameraSet = uint64_t;
 constexpr CameraSet camera_bit(CameraId camera) { return CameraSet{1} << (camera.index() & 63u); }
@@ -45,10 +60,25 @@ struct PoseEstimate {
   CameraSet cameras = 0;  ///< whose measurements were accepted at this time
   Time last_measured{};   ///< newest accepted measurement at or before `time`
 
-  Matrix6 pose_covariance() const { return covariance.topLeftCorner<6, 6>(); }
+  /// Second moments of the other poses that the object may have instead, about this one: poses that
+  /// look alike, and turns about an axis of symmetry. Not in `covariance`.
+  Matrix6 alternatives = Matrix6::Zero();
+  Doubts doubts = 0;  ///< meaningful while degraded
+
+  /// Everything that is not known.
+  Matrix6 pose_covariance() const { return own_covariance() + alternatives; }
+  /// Next to this pose, if it is the right one of those that look alike.
+  Matrix6 own_covariance() const { return covariance.topLeftCorner<6, 6>(); }
   /// Largest standard deviation over directions: of position [m], of rotation [rad].
   double sigma_translation() const;
   double sigma_rotation() const;
+  /// The same of own_covariance().
+  double own_sigma_translation() const;
+  double own_sigma_rotation() const;
+  /// World frame, unit: the direction of the largest standard deviation of position, and the axis
+  /// of that of rotation, both of own_covariance().
+  Eigen::Vector3d weak_direction() const;
+  Eigen::Vector3d weak_axis() const;
 };
 
 /// White-noise acceleration of the constant-velocity model, as power spectral densities.

@@ -10,11 +10,13 @@
 #include "sightline/geometry/camera_model.hpp"
 #include "sightline/model/depth_renderer.hpp"
 #include "sightline/model/frame.hpp"
+#include "sightline/model/lookalikes.hpp"
 #include "sightline/model/object.hpp"
 #include "sightline/model/observation.hpp"
 #include "sightline/model/pose_track.hpp"
 #include "sightline/observe/corner_term.hpp"
 #include "sightline/observe/line_term.hpp"
+#include "sightline/observe/surface_spot.hpp"
 #include "sightline/observe/viewpoint_model.hpp"
 
 namespace sightline {
@@ -52,6 +54,8 @@ struct TrackedObject {
   std::shared_ptr<const ViewpointModel> views;
   Cues cues;
   DepthRendererFactory depth;  ///< for texture; empty: without
+  Lookalikes lookalikes = {};  ///< poses that the shape cannot tell apart
+  SurfaceSpots spots = {};     ///< the mesh's colours, to tell them apart; null: none
 };
 
 /// The static scene as one camera sees it: what hides an object.
@@ -77,8 +81,10 @@ class ObjectTracker {
 
   /// Looks at a frame and appends one Observation per object of objects(). Colours and texture are
   /// learned from the frame before this one, and only if its estimate counted this camera and says
-  /// `tracking`. Damaged frames and those of another size yield nothing. Allocates nothing but
-  /// the terms that it hands out, once warm.
+  /// `tracking`, or nothing but that poses look alike is against it: what is learned then says
+  /// nothing of which it is. While that is not known, the observation tells what the mesh's colours
+  /// and the texture learned before say of it (Observation::alike). Damaged frames and those of
+  /// another size yield nothing. Allocates nothing but the terms that it hands out, once warm.
   void step(const Frame& frame, std::span<const PoseTrackPtr> tracks,
             std::vector<Observation>& out);
 

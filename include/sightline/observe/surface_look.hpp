@@ -6,16 +6,11 @@
 #include <vector>
 
 #include "sightline/base/result.hpp"
+#include "sightline/model/lookalikes.hpp"
 #include "sightline/observe/object_detector.hpp"
+#include "sightline/observe/surface_spot.hpp"
 
 namespace sightline {
-
-/// A spot of an object's surface and its colour.
-struct SurfaceSpot {
-  Eigen::Vector3f point;   ///< object frame [m]
-  Eigen::Vector3f normal;  ///< unit, outward
-  Eigen::Vector3f color;   ///< Y'CbCr, BT.601 limited range [levels]
-};
 
 /// Decides between poses that outline and edges cannot tell apart, by the colours that the mesh has
 /// been given. A hint: colours are compared by how they vary over the object, never by their level,
@@ -36,6 +31,9 @@ class SurfaceLook {
 
   /// Takes away poses that look clearly less like the object than the best one does.
   void resolve(Detection& detection) const;
+  /// Fills Observation::alike: what the colours say of the best pose and of those that its shape
+  /// cannot tell from it.
+  void compare(const Lookalikes& lookalikes, Detection& detection) const;
 
  private:
   class Impl;

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -112,6 +113,12 @@ class ViewpointModel {
   /// Views next to this one on the sphere: five or six.
   std::span<const uint16_t> neighbours(size_t index) const;
 
+  /// Turns that leave the shape as it is, colours aside: a pose T and T * turn cannot be told apart
+  /// by outline and edges. Without the identity and those about symmetry_axis(). Object frame.
+  const std::vector<Rigid3>& turns() const { return turns_; }
+  /// Unit; set if the shape is the same after any turn about it (through the middle).
+  const std::optional<Eigen::Vector3d>& symmetry_axis() const { return symmetry_axis_; }
+
   const Eigen::Vector3d& center() const { return center_; }  ///< of the bounding sphere
   double radius() const { return radius_; }                  ///< [m]
   uint64_t key() const { return key_; }
@@ -132,6 +139,8 @@ class ViewpointModel {
   ViewpointModelOptions options_;
   Eigen::Vector3d center_ = Eigen::Vector3d::Zero();
   double radius_ = 0;
+  std::vector<Rigid3> turns_;
+  std::optional<Eigen::Vector3d> symmetry_axis_;
   std::vector<Record> records_;
   std::vector<ContourSample> contours_;
   std::vector<InnerEdgeSample> edges_;

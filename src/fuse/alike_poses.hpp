@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "bank_state.hpp"
+#include "sightline/model/lookalikes.hpp"
+#include "sightline/model/observation.hpp"
+
+namespace sightline::fuse {
+
+/// Which of the poses that an object's shape cannot tell apart it has. One hypothesis stands for
+/// all of them, with a cost (-log probability) for each: outline and edges fit all alike, so only
+/// what tells them apart is counted: colours, print and markers. docs/estimator.md.
+class AlikePoses {
+ public:
+  explicit AlikePoses(const Lookalikes& lookalikes);
+
+  /// Costs of a start: nothing is known.
+  void forget(Hypothesis& hypothesis) const;
+  /// In the time to the prediction with this covariance the object may have turned from one of the
+  /// poses to another.
+  void allow_motion(const Matrix6& predicted_covariance, Hypothesis& hypothesis) const;
+  /// Adds what a set tells; `pose`: of the hypothesis at the set's time.
+  void take(std::span<const Observation> set, const Rigid3& pose, Hypothesis& hypothesis) const;
+  /// Moves the hypothesis to the pose that is the likeliest by far. True if that is another.
+  bool choose(Hypothesis& hypothesis) const;
+
+  /// Nothing tells which of the poses it is.
+  bool ambiguous(const Hypothesis& hypothesis) const;
+  /// Second moments of the other poses about the hypothesis' one, and of the free axis.
+  Matrix6 spread(const Hypothesis& hypothesis) const;
+  /// `pose` turned by all that looks alike, itself first.
+  size_t size() const { return turns_.size(); }
+  Rigid3 turned(const Rigid3& pose, size_t index) const { return pose * turns_[index]; }
+
+  /// Null without one.
+  const Eigen::Vector3d* free_axis() const { return free_axis_ ? &*free_axis_ : nullptr; }
+  /// Nothing can know the turn about the free axis: its variance is kept small and constant inside
+  /// the filter (which pose of them is followed is a choice), and spread() says the rest.
+  void bound_free_axis(PoseEstimate& estimate) const;
+  /// Covariance of the rotation without the free axis.
+  Eigen::Matrix3d known_rotation(const Eigen::Matrix3d& covariance) const;
+
+ private:
+  size_t nearest(const Eigen::Quaterniond& turn) const;
+  double apart(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b) const;
+  void take_colours(const Observation& observation, const Rigid3& pose, TurnCosts& costs) const;
+  void take_markers(const Observation& observation, const Rigid3& pose, TurnCosts& costs) const;
+
+  std::vector<Rigid3> turns_;  ///< the identity first
+  std::vector<Vector6> logs_;
+  std::optional<Eigen::Vector3d> free_axis_;
+};
+
+}  // namespace sightline::fuse

@@ -1,0 +1,305 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "self_symmetry.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "sightline/model/lookalikes.hpp"
+#include "view_sphere.hpp"
+
+namespace sightline::observe {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180;
+constexpr size_t kSurface = 16000;  // samples that stand for the surface
+constexpr size_t kJudged = 1200, kFine = 300, kCoarse = 100;
+constexpr int kCells = 40;         // along a side of the grid of samples
+constexpr double kUsual = 0.02;    // of the radius: 95 % of the surface
+constexpr double kLargest = 0.06;  // and all of it
+constexpr double kFar = 0.12;      // of the radius: distances beyond it count as this
+constexpr double kPromising = 0.09, kNearly = 0.03;  // mean distance, before and after a few rounds
+constexpr int kAngles = 24;                          // that are tried about an axis
+constexpr int kFirstRounds = 4, kRounds = 12;        // of moving the surface onto itself
+constexpr double kMoments = 0.45;  // change of the second moments that another 12 degrees may make
+constexpr double kSameTurn = 10 * kDegree;
+constexpr size_t kMostTurns = 120;  // of a ball, which has no end of them
+
+struct Spot {
+  Eigen::Vector3d point, normal;
+};
+
+// Evenly spread without a pattern: Roberts' sequence, folded into the triangles.
+std::vector<Spot> spread_spots(const TriangleMesh& mesh, size_t count) {
+  std::vector<double> areas;
+  double total = 0;
+  const auto corner = [&](const std::array<uint32_t, 3>& face, size_t k) {
+    return Eigen::Vector3d(mesh.vertices[face[k]].cast<double>());
+  };
+  for (const auto& face : mesh.faces) {
+    const Eigen::Vector3d a = corner(face, 0);
+    areas.push_back(0.5 * (corner(face, 1) - a).cross(corner(face, 2) - a).norm());
+    total += areas.back();
+  }
+  std::vector<Spot> spots;
+  double due = 0, made = 0;
+  for (size_t f = 0; f < mesh.faces.size(); ++f) {
+    const Eigen::Vector3d origin = corner(mesh.faces[f], 0);
+    const Eigen::Vector3d u = corner(mesh.faces[f], 1) - origin;
+    const Eigen::Vector3d v = corner(mesh.faces[f], 2) - origin;
+    const Eigen::Vector3d normal = u.cross(v).normalized();
+    due += static_cast<double>(count) * areas[f] / total;
+    for (; due >= 1; due -= 1) {
+      ++made;
+      double a = 0.7548776662 * made, b = 0.5698402910 * made;
+      a -= std::floor(a);
+      b -= std::floor(b);
+      if (a + b > 1) a = 1 - a, b = 1 - b;
+      spots.push_back({origin + a * u + b * v, normal});
+    }
+  }
+  return spots;
+}
+
+std::vector<Spot> every(const std::vector<Spot>& spots, size_t count) {
+  std::vector<Spot> out;
+  const size_t step = std::max<size_t>(1, spots.size() / count);
+  for (size_t i = step / 2; i < spots.size(); i += step) out.push_back(spots[i]);
+  return out;
+}
+
+/// The surface by its samples, sorted into a grid, about its middle and in units of its radius.
+class Surface {
+ public:
+  explicit Surface(const TriangleMesh& mesh) : radius_(static_cast<double>(mesh.radius)) {
+    spots_ = spread_spots(mesh, kSurface);
+    for (const Spot& spot : spots_) middle_ += spot.point / static_cast<double>(spots_.size());
+    for (Spot& spot : spots_) {
+      spot.point = (spot.point - middle_) / radius_;
+      moments_ += spot.point * spot.point.transpose() / static_cast<double>(spots_.size());
+    }
+    for (const Spot& spot : spots_) reach_ = std::max(reach_, spot.point.norm());
+    starts_.assign(static_cast<size_t>(kCells * kCells * kCells) + 1, 0);
+    for (const Spot& spot : spots_) ++starts_[cell_of(spot.point) + 1];
+    for (size_t i = 1; i < starts_.size(); ++i) starts_[i] += starts_[i - 1];
+    sorted_.resize(spots_.size());
+    std::vector<size_t> next(starts_.begin(), starts_.end() - 1);
+    for (const Spot& spot : spots_) sorted_[next[cell_of(spot.point)]++] = spot;
+  }
+
+  /// The sample nearest to a point; null beyond kFar.
+  const Spot* nearest(const Eigen::Vector3d& point) const {
+    const double size = 2 * reach_ / kCells;
+    const int around = static_cast<int>(std::ceil(kFar / size));
+    const Eigen::Array3i middle = place_of(point);
+    const Spot* best = nullptr;
+    double closest = kFar * kFar;
+    for (int ring = 0; ring <= around; ++ring) {
+      if (best != nullptr && closest < std::pow((ring - 1) * size, 2)) break;
+      for (int z = -ring; z <= ring; ++z) {
+        for (int y = -ring; y <= ring; ++y) {
+          const bool face = std::abs(z) == ring || std::abs(y) == ring;
+          for (int x = -ring; x <= ring; x += face || ring == 0 ? 1 : 2 * ring) {
+            const Eigen::Array3i at = middle + Eigen::Array3i(x, y, z);
+            if ((at < 0).any() || (at >= kCells).any()) continue;
+            const size_t cell = index_of(at);
+            for (size_t i = starts_[cell]; i < starts_[cell + 1]; ++i) {
+              const double squared = (sorted_[i].point - point).squaredNorm();
+              if (squared >= closest) continue;
+              closest = squared;
+              best = &sorted_[i];
+            }
+          }
+        }
+      }
+    }
+    return best;
+  }
+
+  /// Distance of a point from the surface: from the plane of the nearest sample, which lies no
+  /// farther aside than the samples do from one another.
+  double distance(const Eigen::Vector3d& point) const {
+    const Spot* spot = nearest(point);
+    if (spot == nullptr) return kFar;
+    const Eigen::Vector3d off = point - spot->point;
+    const double along = std::abs(off.dot(spot->normal));
+    const double aside = std::sqrt(std::max(0.0, off.squaredNorm() - along * along));
+    const double spacing = 4.0 / std::sqrt(static_cast<double>(spots_.size()));
+    return std::max(along, aside > spacing ? off.norm() : 0.0);
+  }
+
+  const std::vector<Spot>& spots() const { return spots_; }
+  const Eigen::Matrix3d& moments() const { return moments_; }
+  const Eigen::Vector3d& middle() const { return middle_; }
+  double radius() const { return radius_; }
+
+ private:
+  Eigen::Array3i place_of(const Eigen::Vector3d& point) const {
+    return ((point.array() / (2 * reach_) + 0.5) * kCells)
+        .floor()
+        .cast<int>()
+        .max(0)
+        .min(kCells - 1);
+  }
+  static size_t index_of(const Eigen::Array3i& place) {
+    return static_cast<size_t>((place.z() * kCells + place.y()) * kCells + place.x());
+  }
+  size_t cell_of(const Eigen::Vector3d& point) const { return index_of(place_of(point)); }
+
+  double radius_;
+  double reach_ = 1e-9;
+  Eigen::Vector3d middle_ = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d moments_ = Eigen::Matrix3d::Zero();
+  std::vector<Spot> spots_, sorted_;
+  std::vector<size_t> starts_;
+};
+
+double mean_distance(const Surface& surface, const std::vector<Spot>& spots, const Rigid3& turn) {
+  double sum = 0;
+  for (const Spot& spot : spots) sum += surface.distance(turn * spot.point);
+  return sum / static_cast<double>(spots.size());
+}
+
+bool lies_on_itself(const Surface& surface, const std::vector<Spot>& spots, const Rigid3& turn) {
+  const size_t few = spots.size() / 20;
+  size_t off = 0;
+  for (const Spot& spot : spots) {
+    const double distance = surface.distance(turn * spot.point);
+    if (distance > kLargest) return false;
+    off += distance > kUsual ? 1 : 0;
+  }
+  return off <= few;
+}
+
+// Moves the turned surface onto itself: distances along the normals, by least squares.
+Rigid3 improved(const Surface& surface, const std::vector<Spot>& spots, Rigid3 turn,
+                int rounds = kRounds) {
+  for (int round = 0; round < rounds; ++round) {
+    Matrix6 system = Matrix6::Identity() * 1e-6;
+    Vector6 right = Vector6::Zero();
+    for (const Spot& spot : spots) {
+      const Eigen::Vector3d point = turn * spot.point;
+      const Spot* other = surface.nearest(point);
+      if (other == nullptr) continue;
+      Vector6 slope;
+      slope << point.cross(other->normal), other->normal;
+      system += slope * slope.transpose();
+      right += slope * (other->point - point).dot(other->normal);
+    }
+    const Vector6 step = system.ldlt().solve(right);
+    // The step is small, and one of the moved surface.
+    const Rigid3 moved = Rigid3(
+        Eigen::Quaterniond(Eigen::AngleAxisd(step.head<3>().norm(), step.head<3>().normalized())),
+        step.tail<3>());
+    if (!(step.norm() > 1e-5)) break;
+    turn = moved * turn;
+  }
+  return turn;
+}
+
+std::vector<Eigen::Quaterniond> promising_turns(const Surface& surface,
+                                                const std::vector<Spot>& coarse) {
+  const Eigen::Matrix3d& moments = surface.moments();
+  const Eigen::Matrix3d even = Eigen::Matrix3d::Identity() * (moments.trace() / 3);
+  const double most = std::max(kMoments * (moments - even).norm(), 0.02 * moments.norm());
+  std::vector<Eigen::Quaterniond> turns;
+  std::vector<Eigen::Vector3d> axes;
+  for (const Eigen::Vector3d& axis : make_view_sphere(2).directions) {
+    const double side = axis.z() != 0 ? axis.z() : axis.y() != 0 ? axis.y() : axis.x();
+    if (side > 0) axes.push_back(axis);
+  }
+  for (const Eigen::Vector3d& axis : axes) {
+    for (int i = 2; i <= kAngles - 2; ++i) {
+      const Eigen::Quaterniond turn(Eigen::AngleAxisd(2 * std::numbers::pi * i / kAngles, axis));
+      const Eigen::Matrix3d r = turn.toRotationMatrix();
+      if ((r * moments * r.transpose() - moments).norm() > most) continue;
+      if (mean_distance(surface, coarse, Rigid3(turn, Eigen::Vector3d::Zero())) < kPromising) {
+        turns.push_back(turn);
+      }
+    }
+  }
+  return turns;
+}
+
+// An axis about which any turn leaves the shape as it is.
+std::optional<Eigen::Vector3d> free_axis(const Surface& surface, const std::vector<Spot>& spots,
+                                         const std::vector<Rigid3>& turns) {
+  std::optional<Eigen::Vector3d> best;
+  size_t most = 5;  // an axis that matters shows in more turns than that
+  for (const Rigid3& turn : turns) {
+    const Eigen::Vector3d axis = Eigen::AngleAxisd(turn.rotation).axis();
+    size_t same = 0;
+    for (const Rigid3& other : turns) {
+      const Eigen::Vector3d second = Eigen::AngleAxisd(other.rotation).axis();
+      same += std::abs(axis.dot(second)) > std::cos(6 * kDegree) ? 1 : 0;
+    }
+    if (same <= most) continue;
+    bool free = true;
+    for (const double degrees : {11.3, 25.7, 41.9, 68.3, 103.1}) {
+      const Eigen::Quaterniond turned(Eigen::AngleAxisd(degrees * kDegree, axis));
+      const Rigid3 start(turned, Eigen::Vector3d::Zero());
+      const Rigid3 end = improved(surface, every(spots, kFine), start);
+      free =
+          free && rotation_angle(start, end) < 4 * kDegree && lies_on_itself(surface, spots, end);
+    }
+    if (!free) continue;
+    best = axis;
+    most = same;
+  }
+  return best;
+}
+
+// The smallest angle between two turns, any turn about `axis` before or after being allowed.
+double apart(const Rigid3& a, const Rigid3& b, const std::optional<Eigen::Vector3d>& axis) {
+  if (!axis) return rotation_angle(a, b);
+  const Eigen::Vector3d u = a.rotation * *axis, v = b.rotation * *axis;
+  return std::atan2(u.cross(v).norm(), u.dot(v));
+}
+
+}  // namespace
+
+SelfSymmetry find_self_symmetry(const TriangleMesh& mesh) {
+  const Surface surface(mesh);
+  if (surface.spots().size() < kJudged) return {};
+  const std::vector<Spot> judged = every(surface.spots(), kJudged);
+  const std::vector<Spot> coarse = every(surface.spots(), kCoarse);
+  const std::vector<Spot> fine = every(judged, kFine);
+  std::vector<Rigid3> found;
+  const auto known = [&](const Rigid3& turn) {
+    return rotation_angle(turn, Rigid3()) < kSameTurn ||
+           std::any_of(found.begin(), found.end(), [&](const Rigid3& other) {
+             return rotation_angle(other, turn) < kSameTurn;
+           });
+  };
+  for (const Eigen::Quaterniond& start : promising_turns(surface, coarse)) {
+    if (known(Rigid3(start, Eigen::Vector3d::Zero()))) continue;
+    const Rigid3 nearer =
+        improved(surface, coarse, Rigid3(start, Eigen::Vector3d::Zero()), kFirstRounds);
+    if (known(nearer) || mean_distance(surface, coarse, nearer) > kNearly) continue;
+    const Rigid3 turn = improved(surface, fine, nearer);
+    if (known(turn) || !lies_on_itself(surface, judged, turn)) continue;
+    found.push_back(turn);
+    if (found.size() > kMostTurns) return {};  // a ball
+  }
+  SelfSymmetry out;
+  out.axis = free_axis(surface, judged, found);
+  for (const Rigid3& turn : found) {
+    if (out.turns.size() == Lookalikes::kMost) break;
+    const auto same = [&](const Rigid3& other) { return apart(turn, other, out.axis) < kSameTurn; };
+    if (out.axis && same(Rigid3())) continue;
+    // From the middle of the surface, in units of its radius, to the object's frame.
+    const Eigen::Vector3d& middle = surface.middle();
+    const Rigid3 in_object(turn.rotation,
+                           surface.radius() * turn.translation + middle - turn.rotation * middle);
+    if (std::any_of(out.turns.begin(), out.turns.end(), same)) continue;
+    out.turns.push_back(in_object);
+  }
+  return out;
+}
+
+}  // namespace sightline::observe
