@@ -3,6 +3,9 @@
 
 #include <bit>
 
+#include <fmt/format.h>
+
+#include "sightline/base/log.hpp"
 #include "sightline/base/thread.hpp"
 
 namespace sightline {
@@ -47,7 +50,15 @@ FusionUnit::FusionUnit(std::vector<ObjectEstimator> estimators,
          &registry.counter("sightline_measurements_late_total",
                            "Measurements older than the ring, not used", labels),
          &registry.gauge("sightline_object_state",
-                         "0 searching, 1 tracking, 2 degraded, 3 coasting, 4 lost", labels)});
+                         "0 searching, 1 tracking, 2 degraded, 3 coasting, 4 lost", labels),
+         {}});
+    for (int bit = 0; 1 << bit <= kContradicted; ++bit) {
+      const Labels reason{{"object", object.name},
+                          {"reason", to_string(static_cast<Doubts>(1 << bit), "")}};
+      counters_.back().doubts.push_back(&registry.gauge(
+          "sightline_object_doubt", "1 while this reason keeps the object from tracking", reason));
+    }
+    doubted_.push_back({object.name, {}, 0, 0});
   }
 }
 
@@ -78,6 +89,30 @@ void FusionUnit::run(std::stop_token stop, Heartbeat& heartbeat) {
   heartbeat.retire();
 }
 
+// Once for each reason that lasts, not for every frame.
+void FusionUnit::say_doubts(const PoseEstimate& estimate, Doubted& doubted) {
+  const bool degraded = estimate.state == TrackState::kDegraded;
+  const Doubts doubts = degraded ? estimate.doubts : Doubts{0};
+  if (doubts != doubted.now) {
+    doubted.now = doubts;
+    doubted.since = estimate.time;
+  }
+  if (doubts == doubted.said || estimate.time - doubted.since < 1s) return;
+  doubted.said = doubts;
+  if (!degraded) return;
+  const Eigen::Vector3d way = estimate.weak_direction(), axis = estimate.weak_axis();
+  std::string text = to_string(doubts, ", ");
+  if (doubts & kWeakPosition) {
+    text +=
+        fmt::format("; position weakest along ({:.2f}, {:.2f}, {:.2f})", way.x(), way.y(), way.z());
+  }
+  if (doubts & kWeakRotation) {
+    text += fmt::format("; rotation weakest about ({:.2f}, {:.2f}, {:.2f})", axis.x(), axis.y(),
+                        axis.z());
+  }
+  log::info("{}: degraded: {}", doubted.object, text);
+}
+
 void FusionUnit::take(const Observation& observation) {
   const size_t index = observation.object.index();
   ObjectEstimator& estimator = estimators_.at(index);
@@ -90,6 +125,10 @@ void FusionUnit::take(const Observation& observation) {
     return;
   }
   counters.state->set(static_cast<double>(estimator.state()));
+  for (size_t bit = 0; bit < counters.doubts.size(); ++bit) {
+    counters.doubts[bit]->set(report.estimate.doubts >> bit & 1);
+  }
+  say_doubts(report.estimate, doubted_[index]);
   board_->publish(observation.object, estimator.track());
   if (on_estimate_) on_estimate_(report.estimate);
 }

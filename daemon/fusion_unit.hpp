@@ -46,7 +46,15 @@ class FusionUnit {
     Counter* gated;
     Counter* late;
     Gauge* state;
+    std::vector<Gauge*> doubts;  ///< by bit
   };
+  /// Why an object is degraded, and whether the log has it.
+  struct Doubted {
+    std::string object;
+    Time since{};
+    Doubts now, said;
+  };
+  static void say_doubts(const PoseEstimate& estimate, Doubted& doubted);
 
   std::vector<ObjectEstimator> estimators_;
   std::shared_ptr<TrackBoard> board_;
@@ -54,6 +62,7 @@ class FusionUnit {
   BoundedQueue<Observation> queue_{256};
   Counter& dropped_;
   std::vector<ObjectCounters> counters_;
+  std::vector<Doubted> doubted_;
   std::jthread thread_;
 };
 

@@ -123,6 +123,9 @@ void add_objects(Maker& maker) {
   carton.rig.name = "carton";
   carton.rig.shape = std::make_shared<const test::RayMesh>(test::make_carton());
   carton.rig.paint.kind = Paint::Kind::kPrinted;
+  Condition& unsure = maker.add("carton-unsure", "printed carton, not told how it lies", 2, 60);
+  unsure.rig = carton.rig;
+  unsure.told = false;
   Condition& plain = maker.add("carton-plain", "plain carton: edges alone tell how it lies", 2, 60);
   plain.rig.name = "carton";
   plain.rig.shape = carton.rig.shape;

@@ -31,6 +31,7 @@ struct Condition {
   test::SceneRigOptions rig;  ///< without path; seeds are set per sequence
   test::SceneSteps steps;
   bool erratic = false;
+  bool told = true;  ///< a given pose is said to be the right one of those that look alike
   Symmetry symmetry = Symmetry::kNone;
   size_t settle = 10;  ///< sets after a start that do not count as errors
   Targets targets;

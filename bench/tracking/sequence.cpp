@@ -56,6 +56,7 @@ class Chain {
                                                const test::SceneRig& rig) {
     auto chain = std::unique_ptr<Chain>(new Chain());
     SL_ASSIGN(chain->installation_, installation_of(condition, rig));
+    chain->told_ = condition.told;
     SL_ASSIGN(chain->rig_, load_rig(chain->installation_));
     SL_RETURN_IF_ERROR(chain->restart());
     if (condition.start == Start::kCold) {
@@ -88,6 +89,7 @@ class Chain {
     covariance.diagonal().tail<3>().setConstant(0.002 * 0.002);
     Observation out = observers_[frame.info().camera.index()]->tracker().propose(frame, ObjectId(0),
                                                                                  pose, covariance);
+    if (!told_) return out;
     // Given is also which of the poses it is that look alike.
     out.alike = {{pose, 0}};
     for (const Rigid3& turn : rig_.objects[0].lookalikes.turns) {
@@ -130,6 +132,7 @@ class Chain {
   std::unique_ptr<ObjectEstimator> estimator_;
   std::unique_ptr<ObjectSearch> search_;
   std::vector<PoseTrackPtr> tracks_;
+  bool told_ = true;
 };
 
 Sample judge(const PoseEstimate& estimate, const Rigid3& truth, const Rigid3& world_from_camera,

@@ -49,7 +49,10 @@ AlikePoses::AlikePoses(const Lookalikes& lookalikes) : free_axis_(lookalikes.fre
     if (turns_.size() > Lookalikes::kMost) break;
     turns_.push_back(turn);
   }
-  for (const Rigid3& turn : turns_) logs_.push_back(turn.log());
+  for (const Rigid3& turn : turns_) {
+    logs_.push_back(turn.log());
+    carried_.push_back(right_jacobian_inverse(logs_.back()) * turn.inverse().adjoint());
+  }
 }
 
 double AlikePoses::apart(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b) const {
@@ -166,17 +169,19 @@ bool AlikePoses::ambiguous(const Hypothesis& hypothesis) const {
 }
 
 Matrix6 AlikePoses::spread(const Hypothesis& hypothesis) const {
+  const Matrix6 known = hypothesis.estimate.own_covariance();
   Matrix6 sum = Matrix6::Zero();
   double total = 0;
   for (size_t k = 0; k < turns_.size(); ++k) {
     const double weight = std::exp(hypothesis.turn_costs[0] - hypothesis.turn_costs[k]);
-    sum += weight * logs_[k] * logs_[k].transpose();
+    // A small error at the pose is one of the turned pose too.
+    sum += weight * (logs_[k] * logs_[k].transpose() +
+                     carried_[k] * known * carried_[k].transpose() - known);
     total += weight;
   }
   // Decided is decided: the rest would be a tail that no second moment describes.
   if (turns_.size() == 1 || !ambiguous(hypothesis)) sum.setZero();
   sum /= std::max(total, 1.0);
-  const Matrix6 known = hypothesis.estimate.own_covariance();
   // Unless markers or print tell it all the same.
   if (free_axis_ && free_axis_->dot(known.topLeftCorner<3, 3>() * *free_axis_) >
                         0.25 * kFreeRotation * kFreeRotation) {

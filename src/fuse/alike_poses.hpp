@@ -51,6 +51,8 @@ class AlikePoses {
 
   std::vector<Rigid3> turns_;  ///< the identity first
   std::vector<Vector6> logs_;
+  /// By turn: from a tangent at the pose to that of log(turn) at the turned one.
+  std::vector<Matrix6> carried_;
   std::optional<Eigen::Vector3d> free_axis_;
 };
 

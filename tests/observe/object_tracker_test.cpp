@@ -11,6 +11,7 @@
 
 #include "mesh_depth_renderer.hpp"
 #include "sightline/fuse/estimator.hpp"
+#include "sightline/observe/lookalikes.hpp"
 #include "support/allocations.hpp"
 #include "support/scene_rig.hpp"
 #include "support/scene_shapes.hpp"
@@ -69,9 +70,19 @@ class Tracking {
       EXPECT_TRUE(made) << made.error().message();
       trackers.push_back(*std::move(made));
     }
-    auto made = ObjectEstimator::create({}, ObjectId(0));
+    start(object.lookalikes, Rigid3(), true);
+  }
+
+  /// Begins anew at the next set, at the true pose turned by `turn`; `told`: that is said to be the
+  /// right one of those that look alike.
+  void start(const Lookalikes& lookalikes, const Rigid3& turn, bool told) {
+    auto made = ObjectEstimator::create({}, ObjectId(0), lookalikes);
     EXPECT_TRUE(made) << made.error().message();
     estimator = std::make_unique<ObjectEstimator>(*std::move(made));
+    lookalikes_ = lookalikes;
+    turn_ = turn;
+    told_ = told;
+    started_ = false;
   }
 
   UpdateReport step(const std::vector<SceneShot>& set) {
@@ -88,8 +99,15 @@ class Tracking {
       off << 0.03, -0.02, 0.02, 0.004, -0.003, 0.004;
       Matrix6 covariance = Matrix6::Identity() * 0.03 * 0.03;
       covariance.diagonal().tail<3>().setConstant(0.005 * 0.005);
-      observations.push_back(tracker.propose(
-          *frame, ObjectId(0), rig_.truth(shot.true_capture) * Rigid3::exp(off), covariance));
+      observations.push_back(
+          tracker.propose(*frame, ObjectId(0),
+                          rig_.truth(shot.true_capture) * turn_ * Rigid3::exp(off), covariance));
+      if (!told_) continue;
+      const Rigid3 pose = rig_.truth(shot.true_capture) * turn_;
+      observations.back().alike = {{pose, 0}};
+      for (const Rigid3& other : lookalikes_.turns) {
+        observations.back().alike.push_back({pose * other, 40});
+      }
     }
     started_ = true;
     return estimator->process(observations);
@@ -101,6 +119,9 @@ class Tracking {
 
  private:
   const SceneRig& rig_;
+  Lookalikes lookalikes_;
+  Rigid3 turn_;
+  bool told_ = true;
   bool started_ = false;
 };
 
@@ -335,6 +356,118 @@ TEST(ObjectTracker, PrintIsKeptWhereTheMeshIs) {
   }
   ASSERT_GT(off_px.size(), 50u);
   EXPECT_LT(Errors::median(off_px), 1.5);
+}
+
+/// A carton, to which nothing but its paint is another when it is turned over.
+const TriangleMesh& carton() {
+  static const TriangleMesh mesh = [] {
+    TriangleMesh made = test::make_carton();
+    made.face_colors.clear();
+    for (const auto& corners : made.face_normals) {
+      const Eigen::Vector3f side = made.normals[corners[0]];
+      made.face_colors.push_back((0.5f * Eigen::Vector3f::Ones() + 0.45f * side).cwiseMax(0.04f));
+    }
+    return made;
+  }();
+  return mesh;
+}
+
+TrackedObject tracked_carton(bool colours) {
+  static const auto views = views_of(carton());
+  const auto mesh = std::make_shared<const RenderMesh>(make_render_mesh(carton()));
+  TrackedObject object{ObjectId(0),
+                       views,
+                       {false, true, true, true},
+                       mesh_depth_renderer_factory(mesh),
+                       lookalikes_of(*views, {}),
+                       nullptr};
+  if (!colours) return object;
+  std::vector<SurfaceSpot> spots;
+  for (size_t f = 0; f < carton().faces.size(); ++f) {
+    const auto& face = carton().faces[f];
+    const Eigen::Vector3f a = carton().vertices[face[0]], b = carton().vertices[face[1]],
+                          c = carton().vertices[face[2]];
+    const Eigen::Array3f rgb = carton().face_colors[f].array().pow(1 / 2.2f);
+    const float y = 0.299f * rgb[0] + 0.587f * rgb[1] + 0.114f * rgb[2];
+    const Eigen::Vector3f yuv(16 + 219 * y, 128 + 126 * (rgb[2] - y), 128 + 160 * (rgb[0] - y));
+    for (float u = 0.05f; u < 1; u += 0.1f) {
+      for (float v = 0.05f; u + v < 1; v += 0.1f) {
+        spots.push_back({a + u * (b - a) + v * (c - a), (b - a).cross(c - a).normalized(), yuv});
+      }
+    }
+  }
+  object.spots = std::make_shared<const std::vector<SurfaceSpot>>(std::move(spots));
+  return object;
+}
+
+SceneRigOptions carton_options(Duration duration, test::Paint::Kind paint) {
+  SceneRigOptions options = options_of(duration);
+  options.shape = std::make_shared<const test::RayMesh>(carton());
+  options.paint.kind = paint;
+  return options;
+}
+
+TEST(ObjectTracker, ShapeAloneDoesNotTellHowACartonLies) {
+  const SceneRig rig(carton_options(500ms, test::Paint::Kind::kPrinted));
+  const TrackedObject object = tracked_carton(false);
+  ASSERT_EQ(object.lookalikes.turns.size(), 3u);
+  Tracking tracking(rig, object);
+  tracking.start(object.lookalikes, object.lookalikes.turns[1], false);
+  int ambiguous = 0;
+  for (const auto& set : rig.sets()) {
+    const PoseEstimate estimate = tracking.step(set).estimate;
+    ASSERT_EQ(estimate.state, TrackState::kDegraded);
+    ambiguous += estimate.doubts == kAmbiguous ? 1 : 0;
+    EXPECT_GT(estimate.sigma_rotation(), 60 * kDeg);
+    // Held as well as one can: at a pose that looks like the true one.
+    Rigid3 nearest = rig.truth(set.front().true_capture);
+    for (const Rigid3& turn : object.lookalikes.turns) {
+      const Rigid3 other = rig.truth(set.front().true_capture) * turn;
+      if (rotation_angle(other, estimate.world_from_object) <
+          rotation_angle(nearest, estimate.world_from_object)) {
+        nearest = other;
+      }
+    }
+    EXPECT_LT(rotation_angle(nearest, estimate.world_from_object), 4 * kDeg);
+    EXPECT_LT(translation_distance(nearest, estimate.world_from_object), 0.004);
+  }
+  EXPECT_GE(ambiguous, 10);
+}
+
+TEST(ObjectTracker, ColoursOfTheMeshTellHowACartonLies) {
+  const SceneRig rig(carton_options(400ms, test::Paint::Kind::kFaces));
+  const TrackedObject object = tracked_carton(true);
+  for (const Rigid3& turn : object.lookalikes.turns) {
+    Tracking tracking(rig, object);
+    tracking.start(object.lookalikes, turn, false);
+    PoseEstimate estimate;
+    for (const auto& set : rig.sets()) {
+      estimate = tracking.step(set).estimate;
+      const double off =
+          rotation_angle(rig.truth(set.front().true_capture), estimate.world_from_object);
+      ASSERT_TRUE(estimate.state != TrackState::kTracking || off < 5 * kDeg) << off / kDeg;
+    }
+    EXPECT_EQ(estimate.state, TrackState::kTracking);
+  }
+}
+
+TEST(ObjectTracker, PrintSeenBeforeTellsHowACartonLiesWhenItIsFoundAgain) {
+  const SceneRig rig(carton_options(1200ms, test::Paint::Kind::kPrinted));
+  const TrackedObject object = tracked_carton(false);
+  Tracking tracking(rig, object);
+  size_t count = 0;
+  PoseEstimate estimate;
+  for (const auto& set : rig.sets()) {
+    if (++count == 20) tracking.start(object.lookalikes, object.lookalikes.turns[2], false);
+    estimate = tracking.step(set).estimate;
+    const double off =
+        rotation_angle(rig.truth(set.front().true_capture), estimate.world_from_object);
+    ASSERT_TRUE(estimate.state != TrackState::kTracking || off < 5 * kDeg) << count;
+    if (count == 19) {
+      EXPECT_EQ(estimate.state, TrackState::kTracking);
+    }
+  }
+  EXPECT_EQ(estimate.state, TrackState::kTracking);
 }
 
 TEST(ObjectTracker, RefusesImpossibleOptions) {
