@@ -17,6 +17,7 @@
 #include "sightline/image/picture.hpp"
 #include "sightline/render/camera_renderer.hpp"
 #include "sightline/render/mesh_levels.hpp"
+#include "sightline/render/mesh_paint.hpp"
 #include "sightline/render/ray_table.hpp"
 #include "sightline/render/render_mesh.hpp"
 #include "sightline/render/static_depth.hpp"
@@ -71,13 +72,44 @@ PoseTrackPtr track(int k) {
   return std::make_shared<PoseTrack>(ObjectId(0), std::vector{estimate}, MotionNoise{});
 }
 
+/// A texture of 1024 x 1024 with print on it.
+std::shared_ptr<const SurfaceTexture> stripes() {
+  Picture picture(1024, 1024);
+  const MutableI420View to = picture.mutable_view();
+  for (int y = 0; y < 1024; ++y) {
+    for (int x = 0; x < 1024; ++x) to.y.row(y)[x] = (x / 8 + y / 16) % 2 == 0 ? 60 : 200;
+  }
+  for (int y = 0; y < 512; ++y) {
+    for (int x = 0; x < 512; ++x) to.u.row(y)[x] = to.v.row(y)[x] = x % 64 < 32 ? 100 : 150;
+  }
+  return std::make_shared<const SurfaceTexture>(picture.view());
+}
+
+/// The mesh printed from above.
+MeshSurface printed(const RenderMesh& mesh) {
+  MeshSurface surface;
+  for (const auto& f : mesh.faces) {
+    SurfaceTriangle triangle;
+    for (size_t k = 0; k < 3; ++k) {
+      triangle.corners[k] = mesh.vertex(f[k]).cast<float>();
+      triangle.places[k] = triangle.corners[k].head<2>() / static_cast<float>(2 * kRadius) +
+                           Eigen::Vector2f::Constant(0.5f);
+    }
+    triangle.corner_colors.fill(Eigen::Vector3f::Constant(0.5f));
+    triangle.texture = 0;
+    surface.triangles.push_back(triangle);
+  }
+  return surface;
+}
+
 /// Made once a size: a benchmark runs its function several times.
 const std::shared_ptr<const RenderMesh>& torus(size_t faces) {
   static std::map<size_t, std::shared_ptr<const RenderMesh>> made;
   auto& mesh = made[faces];
   if (mesh == nullptr) {
-    mesh = std::make_shared<const RenderMesh>(
-        make_render_mesh(make_bumpy_torus(faces, static_cast<float>(kRadius))));
+    RenderMesh prepared = make_render_mesh(make_bumpy_torus(faces, static_cast<float>(kRadius)));
+    paint_mesh(printed(prepared), {stripes()}, prepared);
+    mesh = std::make_shared<const RenderMesh>(std::move(prepared));
   }
   return mesh;
 }
@@ -161,6 +193,17 @@ void everything_full_mesh(benchmark::State& state) {
 void everything_on_egl(benchmark::State& state) {
   overlay(state, full_style(), false, RasterChoice::kEgl);
 }
+void smooth(benchmark::State& state) {
+  OverlayStyle style = full_style();
+  style.shading = Shading::kSmooth;
+  overlay(state, style, false);
+}
+void textured(benchmark::State& state) {
+  OverlayStyle style = full_style();
+  style.shading = Shading::kSmooth;
+  style.fill_kind = FillKind::kTextured;
+  overlay(state, style, false);
+}
 void default_style(benchmark::State& state) { overlay(state, OverlayStyle{}, false); }
 
 /// One style alone, at 720p and 10k triangles.
@@ -183,6 +226,10 @@ BENCHMARK(everything_and_frame_copy)
     ->ArgNames({"height", "faces"})
     ->ArgsProduct({{720, 1080}, {1000, 10000, 100000}});
 BENCHMARK(everything_on_egl)
+    ->ArgNames({"height", "faces"})
+    ->ArgsProduct({{720, 1080}, {1000, 10000, 100000}});
+BENCHMARK(smooth)->ArgNames({"height", "faces"})->ArgsProduct({{720, 1080}, {1000, 10000, 100000}});
+BENCHMARK(textured)
     ->ArgNames({"height", "faces"})
     ->ArgsProduct({{720, 1080}, {1000, 10000, 100000}});
 BENCHMARK(default_style)->ArgNames({"height", "faces"})->Args({720, 10000});

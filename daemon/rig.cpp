@@ -5,8 +5,10 @@
 
 #include "object_views.hpp"
 #include "sightline/base/log.hpp"
+#include "sightline/geometry/mesh_surface.hpp"
 #include "sightline/observe/lookalikes.hpp"
 #include "sightline/record/still_picture.hpp"
+#include "sightline/render/mesh_paint.hpp"
 #include "surface_spots.hpp"
 
 namespace sightline {
@@ -27,6 +29,25 @@ Result<TriangleMesh> load_mesh(const std::filesystem::path& path, double meters_
   options.meters_per_unit = meters_per_unit;
   options.crease_angle = crease_angle(installation);
   return read_mesh(path, options);
+}
+
+/// The mesh's own colours. A texture that cannot be read costs a warning and its colours.
+Status load_paint(const ObjectDescription& description, RenderMesh& mesh) {
+  MeshOptions options;
+  options.meters_per_unit = description.meters_per_unit;
+  SL_ASSIGN(const MeshSurface surface, read_mesh_surface(description.mesh, options));
+  std::vector<std::shared_ptr<const SurfaceTexture>> textures;
+  for (const auto& path : surface.textures) {
+    const auto picture = read_picture(path);
+    if (!picture) log::warning("{}; its colours are not shown", picture.error().message());
+    textures.push_back(picture ? std::make_shared<const SurfaceTexture>((*picture)->view())
+                               : nullptr);
+  }
+  paint_mesh(surface, std::move(textures), mesh);
+  if (mesh.paint.empty())
+    log::warning("{}: has no colours; its fill is shaded in the state's",
+                 description.mesh.string());
+  return {};
 }
 
 // The depth image of a camera, which has the camera's size.
@@ -86,7 +107,11 @@ Result<Rig> load_rig(const Installation& installation) {
     const ObjectDescription& description = installation.objects[i].description;
     SL_ASSIGN(TriangleMesh mesh,
               load_mesh(description.mesh, description.meters_per_unit, installation));
-    const auto shown = std::make_shared<const RenderMesh>(make_render_mesh(mesh, options));
+    RenderMesh prepared = make_render_mesh(mesh, options);
+    if (shows_textures(installation)) {
+      SL_RETURN_IF_ERROR(load_paint(description, prepared));
+    }
+    const auto shown = std::make_shared<const RenderMesh>(std::move(prepared));
     rig.objects.push_back({{ObjectId(static_cast<uint32_t>(i)), description.name},
                            description,
                            shown,

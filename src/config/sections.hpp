@@ -24,6 +24,10 @@ inline constexpr Choices<log::Level, 4> kLogLevels{{{"debug", log::Level::kDebug
                                                     {"error", log::Level::kError}}};
 inline constexpr Choices<RasterChoice, 3> kRasterChoices{
     {{"auto", RasterChoice::kAuto}, {"cpu", RasterChoice::kCpu}, {"egl", RasterChoice::kEgl}}};
+inline constexpr Choices<FillKind, 2> kFillKinds{
+    {{"shaded", FillKind::kShaded}, {"textured", FillKind::kTextured}}};
+inline constexpr Choices<Shading, 2> kShadings{
+    {{"flat", Shading::kFlat}, {"smooth", Shading::kSmooth}}};
 inline constexpr Choices<RawStorage, 2> kRawStorages{
     {{"raw", RawStorage::kRaw}, {"ffv1", RawStorage::kFfv1}}};
 
@@ -107,6 +111,8 @@ void visit(Visitor& v, OverlayStyle& s) {
   v.color("coasting_color", s.coasting_color);
   v.color("hidden_color", s.xray_color);
   v.color("last_seen_color", s.last_seen_color);
+  v.choice("fill", s.fill_kind, kFillKinds);
+  v.choice("shading", s.shading, kShadings);
   v.number("fill_opacity", s.fill_opacity, 0, 1, "a share (0 invisible, 1 opaque)");
   v.number("halo_opacity", s.halo_opacity, 0, 1, "a share (0 invisible, 1 opaque)");
   v.number("outline_width_px", s.outline_px, 2, 4, "a width in pixels");

@@ -290,11 +290,13 @@ class SurfaceReader {
             triangle.places[i] = {place.x, place.y};
           }
         }
+        triangle.corner_colors.fill(triangle.color);
         if (mesh.HasVertexColors(0)) {
           triangle.color.setZero();
-          for (const unsigned corner : corners) {
-            const aiColor4D& c = mesh.mColors[0][corner];
-            triangle.color += Eigen::Vector3f(c.r, c.g, c.b) / 3;
+          for (size_t i = 0; i < 3; ++i) {
+            const aiColor4D& c = mesh.mColors[0][corners[i]];
+            triangle.corner_colors[i] = {c.r, c.g, c.b};
+            triangle.color += triangle.corner_colors[i] / 3;
           }
         }
         out_.triangles.push_back(triangle);

@@ -16,6 +16,7 @@
 #include "sightline/render/mesh_levels.hpp"
 #include "sightline/render/raster.hpp"
 #include "sightline/render/static_depth.hpp"
+#include "surface_shader.hpp"
 #include "text_tile.hpp"
 #include "tile_compositor.hpp"
 
@@ -118,6 +119,7 @@ class CameraRenderer::Impl {
         rays_(std::move(rays)),
         device_(std::move(device)),
         rasterizer_(device_->make_backend(rays_)),
+        surfaces_(rays_),
         compositor_(camera_.model.width(), camera_.model.height()),
         remembered_(objects.size()),
         fonts_(objects.size(), nullptr) {
@@ -282,7 +284,10 @@ class CameraRenderer::Impl {
   TileCoverage draw_tile(const Subject& subject) {
     const OverlayStyle& style = subject.object.style;
     const RenderMesh& mesh = subject.mesh;
-    tile_.reset(rasterizer_->bounds(mesh, subject.camera_from_object, TileCompositor::kMargin));
+    const bool textured = shows_texture(subject);
+    const bool faces = textured || (style.fill && style.shading == Shading::kSmooth);
+    tile_.reset(rasterizer_->bounds(mesh, subject.camera_from_object, TileCompositor::kMargin),
+                faces);
     if (tile_.rect().empty()) return {};
     const Status drawn = rasterizer_->draw(mesh, subject.camera_from_object, tile_);
     SL_CHECK(drawn.has_value(), "a device's rasteriser does not fail");
@@ -297,8 +302,14 @@ class CameraRenderer::Impl {
     paint.outline_px = style.outline ? style.outline_px : 0;
     paint.dashed = subject.look.dashed;
     paint.halo_opacity = style.halo_opacity;
-    surface_->blend(compositor_.compose(tile_, paint));
+    if (faces) surfaces_.run(mesh, subject.camera_from_object, style.shading, textured, tile_);
+    surface_->blend(compositor_.compose(tile_, paint, textured ? &surfaces_ : nullptr));
     return coverage;
+  }
+
+  static bool shows_texture(const Subject& subject) {
+    const OverlayStyle& style = subject.object.style;
+    return style.fill && style.fill_kind == FillKind::kTextured && !subject.mesh.paint.empty();
   }
 
   /// If other objects may hide this one: puts them and the scene into hiders_, over its tile.
@@ -568,6 +579,7 @@ class CameraRenderer::Impl {
   const std::shared_ptr<const RasterDevice> device_;
   const std::unique_ptr<RasterBackend> rasterizer_;
   RasterTile tile_, hiders_;
+  SurfaceShader surfaces_;
   TileCompositor compositor_;
   std::vector<EdgeSegment> edges_;
   marks::Pieces pieces_;

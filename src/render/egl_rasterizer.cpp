@@ -211,8 +211,8 @@ void TileDrawer::project(const RenderMesh& mesh, const MeshTextures& textures, c
   glDrawArrays(GL_TRIANGLES, 0, 3);
 }
 
-void TileDrawer::draw_faces(const RenderMesh& mesh, const MeshTextures& textures,
-                            const View& view) {
+void TileDrawer::draw_faces(const RenderMesh& mesh, const MeshTextures& textures, const View& view,
+                            bool number_faces) {
   const Program& program = gl_->faces;
   const auto bulge =
       static_cast<float>(rays_->curvature_bound(0, std::numeric_limits<double>::max()) / 6);
@@ -227,6 +227,7 @@ void TileDrawer::draw_faces(const RenderMesh& mesh, const MeshTextures& textures
   // The pixel of a vertex is a float here: a little more room than on the CPU.
   glUniform2f(program.at("growth"), rays_->lookup().error_px + 0.02f, 2 * bulge);
   glUniform1i(program.at("cull"), mesh.cull_back_faces ? 1 : 0);
+  glUniform1i(program.at("number_faces"), number_faces ? 1 : 0);
   glUniform2i(program.at("tile_corner"), view.rect.x, view.rect.y);
   glUniform2fv(program.at("center"), 1, view.center.data());
   textures.faces.bind(kFaceUnit);
@@ -260,11 +261,16 @@ void TileDrawer::merge(RasterTile& tile) const {
   for (int y = 0; y < tile.height(); ++y) {
     float* const depth = tile.inverse_depth(y);
     uint8_t* const shade = tile.shade(y);
+    uint32_t* const face = tile.has_faces() ? tile.face(y) : nullptr;
     for (int x = 0; x < tile.width(); ++x, from += words_per_pixel_) {
       const auto inverse_z = std::bit_cast<float>(from[0]);
       if (!(inverse_z > depth[x])) continue;
       depth[x] = inverse_z;
-      shade[x] = static_cast<uint8_t>(from[1]);
+      if (face != nullptr) {
+        face[x] = from[1];
+      } else {
+        shade[x] = static_cast<uint8_t>(from[1]);
+      }
     }
   }
 }
@@ -291,7 +297,7 @@ DrawFailure TileDrawer::draw(const RenderMesh& mesh, const Rigid3& camera_from_o
   if (view.bounds.empty()) return DrawFailure::kNone;
   glBindVertexArray(gl_->vertex_array);
   project(mesh, **textures, view);
-  draw_faces(mesh, **textures, view);
+  draw_faces(mesh, **textures, view, tile.has_faces());
   read_back(rect);
   const GLenum error = glGetError();
   if (context_->lost()) return DrawFailure::kContextLost;

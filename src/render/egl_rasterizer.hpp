@@ -41,7 +41,8 @@ class TileDrawer {
   void reserve(const RenderMesh& mesh, const TileRect& rect);
   View view_of(const Rigid3& camera_from_object, const TileRect& rect) const;
   void project(const RenderMesh& mesh, const MeshTextures& textures, const View& view);
-  void draw_faces(const RenderMesh& mesh, const MeshTextures& textures, const View& view);
+  void draw_faces(const RenderMesh& mesh, const MeshTextures& textures, const View& view,
+                  bool number_faces);
   void read_back(const TileRect& rect);
   void merge(RasterTile& tile) const;
 

@@ -79,13 +79,14 @@ uniform vec3 light;             // object's frame
 uniform float ambient;
 uniform vec2 growth;            // of boxes: pixels, and pixels per squared ray length
 uniform bool cull;
+uniform bool number_faces;      // instead of shading them
 flat out vec3 edge0;            // inside: edge.x dx + edge.y dy + edge.z > 0
 flat out vec3 edge1;
 flat out vec3 edge2;
 flat out vec3 depth;            // 1/z = depth.x dx + depth.y dy + depth.z
 flat out vec4 origin_range;     // dx, dy are counted from here; least and most 1/z
 flat out vec3 constant_scale;   // size of the terms that the edges' constants were summed from
-flat out uvec2 paint;           // shade | face << 8, may be cut by the near plane
+flat out uvec2 paint;           // shade or number, may be cut by the near plane
 
 struct Corner { vec3 p; uint flags; vec2 pixel; };
 
@@ -168,10 +169,12 @@ void main() {
   bool shown = in_space_only ? set_up_near(in_space(a), in_space(b), in_space(c), turned)
                     : set_up(a.p, b.p, c.p, turned);
   if (!shown || (turned && cull)) return;
-  vec4 normal = texelFetch(normals, entry(face), 0);
-  float lambert = max((turned ? -1.0 : 1.0) * dot(normal.xyz, light), 0.0);
-  float level = 255.0 * (ambient + (1.0 - ambient) * lambert) * normal.w + 0.5;
-  paint = uvec2(uint(level) | (face << 8u), in_space_only ? 1u : 0u);
+  paint = uvec2(face, in_space_only ? 1u : 0u);
+  if (!number_faces) {
+    vec4 normal = texelFetch(normals, entry(face), 0);
+    float lambert = max((turned ? -1.0 : 1.0) * dot(normal.xyz, light), 0.0);
+    paint.x = uint(255.0 * (ambient + (1.0 - ambient) * lambert) * normal.w + 0.5);
+  }
   vec2 at = vec2((which == 1u || which == 4u || which == 5u) ? high.x : low.x,
                  (which == 2u || which == 3u || which == 5u) ? high.y : low.y);
   gl_Position = vec4(2.0 * at / tile_size - 1.0, 0.0, 1.0);

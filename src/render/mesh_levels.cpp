@@ -9,7 +9,9 @@
 #include <cmath>
 #include <optional>
 #include <set>
+#include <tuple>
 
+#include "sightline/base/check.hpp"
 #include "sightline/geometry/mesh.hpp"
 #include "surface_distance.hpp"
 
@@ -74,38 +76,135 @@ bool balanced(const RenderMesh& mesh) {
   return true;
 }
 
+/// Vertices of a mesh split where its texture is cut, for collapsing edges must keep such cuts.
+struct SplitVertices {
+  std::vector<uint32_t> vertex;                 ///< of the mesh, for each split one
+  std::vector<unsigned> corners;                ///< into the split ones, three a face
+  std::vector<std::array<uint32_t, 2>> corner;  ///< of each split one: a face and its corner
+};
+
+SplitVertices split_vertices(const RenderMesh& mesh) {
+  using Key = std::tuple<uint32_t, int32_t, float, float>;
+  struct Corner {
+    Key key;
+    uint32_t face, slot;
+  };
+  std::vector<Corner> all;
+  all.reserve(3 * mesh.faces.size());
+  for (uint32_t f = 0; f < mesh.faces.size(); ++f) {
+    for (uint32_t k = 0; k < 3; ++k) {
+      Key key{mesh.faces[f][k], -1, 0.0f, 0.0f};
+      if (!mesh.paint.empty() && mesh.paint[f].texture >= 0) {
+        const Eigen::Vector2f& place = mesh.paint[f].places[k];
+        key = {mesh.faces[f][k], mesh.paint[f].texture, place.x(), place.y()};
+      }
+      all.push_back({key, f, k});
+    }
+  }
+  std::ranges::sort(all, {}, [](const Corner& c) { return std::tuple(c.key, c.face, c.slot); });
+  SplitVertices split;
+  split.corners.resize(all.size());
+  for (size_t i = 0; i < all.size(); ++i) {
+    if (i == 0 || all[i].key != all[i - 1].key) {
+      split.vertex.push_back(std::get<0>(all[i].key));
+      split.corner.push_back({all[i].face, all[i].slot});
+    }
+    split.corners[3 * all[i].face + all[i].slot] = static_cast<unsigned>(split.vertex.size() - 1);
+  }
+  return split;
+}
+
+/// The different normals that the corners at each vertex have.
+std::vector<std::vector<uint32_t>> normals_at_vertices(const RenderMesh& mesh) {
+  std::vector<std::vector<uint32_t>> out(mesh.vertex_count());
+  for (size_t f = 0; f < mesh.face_corner_normals.size(); ++f) {
+    for (size_t k = 0; k < 3; ++k) {
+      auto& here = out[mesh.faces[f][k]];
+      const uint32_t normal = mesh.face_corner_normals[f][k];
+      if (std::ranges::find(here, normal) == here.end()) here.push_back(normal);
+    }
+  }
+  return out;
+}
+
+/// The one of them that looks most as the face does.
+uint32_t closest_normal(const RenderMesh& mesh, const std::vector<uint32_t>& candidates,
+                        const Eigen::Vector3f& face_normal) {
+  return *std::ranges::max_element(
+      candidates, {}, [&](uint32_t n) { return mesh.corner_normals[n].dot(face_normal); });
+}
+
+/// Paint of coarser faces, from the corners of the finer mesh that theirs are. `made` has lost the
+/// faces of `kept` that have no area; the order is the same.
+void carry_paint(const RenderMesh& mesh, const SplitVertices& split,
+                 const std::vector<unsigned>& kept, RenderMesh& made) {
+  made.textures = mesh.textures;
+  made.paint.reserve(made.faces.size());
+  size_t at = 0;
+  for (const auto& face : made.faces) {
+    const auto is_here = [&] {
+      for (size_t k = 0; k < 3; ++k) {
+        if (position(made, face[k]) != position(mesh, split.vertex[kept[at + k]])) return false;
+      }
+      return true;
+    };
+    while (at < kept.size() && !is_here()) at += 3;
+    SL_CHECK(at < kept.size(), "each coarser face is one that was kept");
+    FacePaint paint;
+    paint.texture = mesh.paint[split.corner[kept[at]][0]].texture;
+    for (size_t k = 0; k < 3; ++k) {
+      const auto [from, slot] = split.corner[kept[at + k]];
+      paint.places[k] = mesh.paint[from].places[slot];
+      paint.colors[k] = mesh.paint[from].colors[slot];
+      if (mesh.paint[from].texture != paint.texture) paint.texture = -1;
+    }
+    made.paint.push_back(paint);
+    at += 3;
+  }
+}
+
 /// The mesh with about half its faces; nothing if it cannot be had.
 std::optional<RenderMesh> halve(const RenderMesh& mesh, const RenderMesh& full) {
-  std::vector<float> points(3 * mesh.vertex_count());
-  for (size_t v = 0; v < mesh.vertex_count(); ++v) {
-    points[3 * v] = mesh.x[v];
-    points[3 * v + 1] = mesh.y[v];
-    points[3 * v + 2] = mesh.z[v];
-  }
-  std::vector<unsigned> corners(3 * mesh.faces.size());
-  for (size_t f = 0; f < mesh.faces.size(); ++f)
-    std::ranges::copy(mesh.faces[f], corners.begin() + static_cast<ptrdiff_t>(3 * f));
+  const SplitVertices split = split_vertices(mesh);
+  std::vector<float> points;
+  points.reserve(3 * split.vertex.size());
+  for (const uint32_t v : split.vertex)
+    points.insert(points.end(), {mesh.x[v], mesh.y[v], mesh.z[v]});
+  const std::vector<unsigned>& corners = split.corners;
   std::vector<unsigned> kept(corners.size());
   kept.resize(meshopt_simplify(kept.data(), corners.data(), corners.size(), points.data(),
-                               mesh.vertex_count(), 3 * sizeof(float), corners.size() / 2 / 3 * 3,
+                               split.vertex.size(), 3 * sizeof(float), corners.size() / 2 / 3 * 3,
                                0.05f, 0, nullptr));
   if (kept.empty() ||
       static_cast<double>(kept.size()) > kWorthwhile * static_cast<double>(corners.size()))
     return std::nullopt;
   TriangleMesh coarse;
   const std::vector<float> luminance = vertex_luminance(mesh);
+  const auto normals = normals_at_vertices(mesh);
+  coarse.normals = mesh.corner_normals;
   for (uint32_t v = 0; v < mesh.vertex_count(); ++v)
     coarse.vertices.emplace_back(mesh.x[v], mesh.y[v], mesh.z[v]);
   for (size_t i = 0; i < kept.size(); i += 3) {
-    coarse.faces.push_back({kept[i], kept[i + 1], kept[i + 2]});
-    const float grey = (luminance[kept[i]] + luminance[kept[i + 1]] + luminance[kept[i + 2]]) / 3;
+    const std::array<uint32_t, 3> f = {split.vertex[kept[i]], split.vertex[kept[i + 1]],
+                                       split.vertex[kept[i + 2]]};
+    coarse.faces.push_back(f);
+    const float grey = (luminance[f[0]] + luminance[f[1]] + luminance[f[2]]) / 3;
     coarse.face_colors.emplace_back(Eigen::Vector3f::Constant(grey));
+    if (mesh.face_corner_normals.empty()) continue;
+    const Eigen::Vector3f& p = coarse.vertices[f[0]];
+    const Eigen::Vector3f across = (coarse.vertices[f[1]] - p).cross(coarse.vertices[f[2]] - p);
+    std::array<uint32_t, 3> corner_normals{};
+    for (size_t k = 0; k < 3; ++k) corner_normals[k] = closest_normal(mesh, normals[f[k]], across);
+    coarse.face_normals.push_back(corner_normals);
   }
   auto finished = finish_mesh(std::move(coarse), "simplified mesh");
   if (!finished) return std::nullopt;
-  RenderMesh made = make_render_mesh(*finished);
+  RenderMeshOptions options;
+  options.crease_angle = mesh.crease_angle;
+  RenderMesh made = make_render_mesh(*finished, options);
   made.cull_back_faces = mesh.cull_back_faces && balanced(made);
   keep_true_creases(full, made);
+  if (!mesh.paint.empty()) carry_paint(mesh, split, kept, made);
   return made;
 }
 

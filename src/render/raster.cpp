@@ -55,6 +55,7 @@ struct MeshRasterizer::Scratch {
   explicit Scratch(const Kernels& k) : kernels(k) {}
 
   const Kernels& kernels;
+  const raster::PixelKernels* pixels = nullptr;
   std::vector<ProjectedVertex> vertices;
   std::vector<uint32_t> front, deferred;
 
@@ -151,7 +152,7 @@ void MeshRasterizer::Scratch::draw_blocks(const FacePlanes& planes, bool near, c
       t.context = paint.context;
       const int x0 = std::max(piece * kBlock, left) - rect.x;
       const int x1 = std::min(end * kBlock + kBlock - 1, right) - rect.x;
-      (near ? kernels.rows_near : kernels.rows)(target, t, x0, y0, x1, y1);
+      (near ? pixels->rows_near : pixels->rows)(target, t, x0, y0, x1, y1);
     }
   }
 }
@@ -210,9 +211,16 @@ Status MeshRasterizer::draw(const RenderMesh& mesh, const Rigid3& camera_from_ob
   s.bounds = ray_bounds(*rays_, rect);
   if (s.bounds.empty()) return {};
   s.exact_pixels = 0;
-  s.target = {
-      tile.inverse_depth(0),         tile.shade(0),   tile.stride(), rays_->x_row(rect.y) + rect.x,
-      rays_->y_row(rect.y) + rect.x, rays_->stride(), rect.width,    rect.height};
+  s.pixels = tile.has_faces() ? &s.kernels.faces : &s.kernels.shades;
+  s.target = {.depth = tile.inverse_depth(0),
+              .shade = tile.shade(0),
+              .stride = tile.stride(),
+              .face = tile.has_faces() ? tile.face(0) : nullptr,
+              .ray_x = rays_->x_row(rect.y) + rect.x,
+              .ray_y = rays_->y_row(rect.y) + rect.x,
+              .ray_stride = rays_->stride(),
+              .width = rect.width,
+              .height = rect.height};
   if (s.vertices.size() < mesh.vertex_count()) s.vertices.resize(mesh.vertex_count());
   if (s.front.size() < mesh.faces.size()) {
     s.front.resize(mesh.faces.size());
@@ -221,7 +229,7 @@ Status MeshRasterizer::draw(const RenderMesh& mesh, const Rigid3& camera_from_ob
   project_vertices();
   DrawJob job = draw_job();
   job.count = list_faces();
-  s.kernels.draw(job);
+  s.pixels->draw(job);
   for (size_t i = 0; i < job.deferred_count; ++i) s.draw_carefully(s.deferred[i], job);
   exact_pixels_ = s.exact_pixels;
   return {};

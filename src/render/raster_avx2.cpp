@@ -66,6 +66,22 @@ inline void store_byte_halves(uint8_t* p, uint8_t* q, M8 m, uint8_t value) {
   __builtin_memcpy(q, &high, sizeof(high));
 }
 
+inline void store_words(uint32_t* p, M8 m, uint32_t value) {
+  __m256i* const at = reinterpret_cast<__m256i*>(p);
+  const __m256i fresh = _mm256_set1_epi32(static_cast<int>(value));
+  _mm256_storeu_si256(at,
+                      _mm256_blendv_epi8(_mm256_loadu_si256(at), fresh, _mm256_castps_si256(m.v)));
+}
+inline void store_word_halves(uint32_t* p, uint32_t* q, M8 m, uint32_t value) {
+  const __m256i mask = _mm256_castps_si256(m.v);
+  const __m128i fresh = _mm_set1_epi32(static_cast<int>(value));
+  __m128i* const low = reinterpret_cast<__m128i*>(p);
+  __m128i* const high = reinterpret_cast<__m128i*>(q);
+  _mm_storeu_si128(low, _mm_blendv_epi8(_mm_loadu_si128(low), fresh, _mm256_castsi256_si128(mask)));
+  _mm_storeu_si128(
+      high, _mm_blendv_epi8(_mm_loadu_si128(high), fresh, _mm256_extracti128_si256(mask, 1)));
+}
+
 }  // namespace
 }  // namespace sightline::raster
 

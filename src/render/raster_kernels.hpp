@@ -45,6 +45,7 @@ struct Target {
   float* depth;
   uint8_t* shade;
   size_t stride;
+  uint32_t* face;              ///< used by the kernels that number faces only
   const float *ray_x, *ray_y;  ///< at the tile's corner
   size_t ray_stride;
   int width, height;
@@ -87,13 +88,18 @@ struct DrawJob {
   size_t deferred_count;
 };
 
-struct Kernels {
-  void (*project)(const ProjectJob& job);
-  size_t (*cull)(const CullJob& job);
+/// What fills pixels: with the face's shade, or with its number.
+struct PixelKernels {
   void (*draw)(DrawJob& job);
   /// Draws the pixels of `triangle` inside x0..x1, y0..y1 (tile pixels, inclusive).
   void (*rows)(const Target& target, const Triangle& triangle, int x0, int y0, int x1, int y1);
   void (*rows_near)(const Target& target, const Triangle& triangle, int x0, int y0, int x1, int y1);
+};
+
+struct Kernels {
+  void (*project)(const ProjectJob& job);
+  size_t (*cull)(const CullJob& job);
+  PixelKernels shades, faces;
 };
 
 const Kernels& scalar_kernels();

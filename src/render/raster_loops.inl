@@ -86,8 +86,45 @@ template <typename Asker>  // a DrawJob or a Triangle
   return inside;
 }
 
+/// Both planes at one place; which of them a kernel fills is known when it is compiled.
+struct Fill {
+  uint8_t* shade;
+  uint32_t* face;
+
+  template <bool kFaces>
+  static Fill at(const Target& target, size_t offset) {
+    if constexpr (kFaces) return {nullptr, target.face + offset};
+    return {target.shade + offset, nullptr};
+  }
+  template <bool kFaces>
+  void put(size_t x, M8 drawn, int level, uint32_t number) const {
+    if constexpr (kFaces) {
+      store_words(face + x, drawn, number);
+    } else {
+      store_bytes(shade + x, drawn, static_cast<uint8_t>(level));
+    }
+  }
+  /// Four pixels here and four a row further.
+  template <bool kFaces>
+  void put_halves(size_t stride, M8 drawn, int level, uint32_t number) const {
+    if constexpr (kFaces) {
+      store_word_halves(face, face + stride, drawn, number);
+    } else {
+      store_byte_halves(shade, shade + stride, drawn, static_cast<uint8_t>(level));
+    }
+  }
+  template <bool kFaces>
+  void advance(size_t count) {
+    if constexpr (kFaces) {
+      face += count;
+    } else {
+      shade += count;
+    }
+  }
+};
+
 /// `kSkipEmpty` pays for long rows; in small triangles the branch is mispredicted too often.
-template <bool kNear, bool kSkipEmpty>
+template <bool kFaces, bool kNear, bool kSkipEmpty>
 inline void draw_rows(const Target& target, const Triangle& t, int x0, int y0, int x1, int y1) {
   constexpr int kEdges = kNear ? 4 : 3;
   F8 a[kEdges], b[kEdges], c[kEdges];
@@ -108,7 +145,7 @@ inline void draw_rows(const Target& target, const Triangle& t, int x0, int y0, i
     const float* const ray_x = target.ray_x + static_cast<size_t>(y) * target.ray_stride;
     const float* const ray_y = target.ray_y + static_cast<size_t>(y) * target.ray_stride;
     float* const depth = target.depth + static_cast<size_t>(y) * target.stride;
-    uint8_t* const shade = target.shade + static_cast<size_t>(y) * target.stride;
+    const Fill fill = Fill::at<kFaces>(target, static_cast<size_t>(y) * target.stride);
     for (int x = first; x <= x1; x += 8) {
       const F8 dx = sub(load(ray_x + x), origin_x);
       const F8 dy = sub(load(ray_y + x), origin_y);
@@ -126,17 +163,19 @@ inline void draw_rows(const Target& target, const Triangle& t, int x0, int y0, i
       const F8 old = load(depth + x);
       const M8 drawn = both(inside, greater(z, old));
       store(depth + x, select(drawn, z, old));
-      store_bytes(shade + x, drawn, t.shade);
+      fill.put<kFaces>(static_cast<size_t>(x), drawn, t.shade, t.face);
     }
   }
 }
 
+template <bool kFaces>
 void rows(const Target& target, const Triangle& t, int x0, int y0, int x1, int y1) {
-  draw_rows<false, true>(target, t, x0, y0, x1, y1);
+  draw_rows<kFaces, false, true>(target, t, x0, y0, x1, y1);
 }
 
+template <bool kFaces>
 void rows_near(const Target& target, const Triangle& t, int x0, int y0, int x1, int y1) {
-  draw_rows<true, true>(target, t, x0, y0, x1, y1);
+  draw_rows<kFaces, true, true>(target, t, x0, y0, x1, y1);
 }
 
 /// Faces on their way through draw(), in plain arrays so that the compiler vectorises each step.
@@ -348,6 +387,7 @@ inline M8 hit(const Lanes& t, F8 ray_x, F8 ray_y, const DecideOpen& decide_open,
 }
 
 /// A face of up to eight pixels' width: one step a row.
+template <bool kFaces>
 inline void draw_single_rows(const DrawJob& job, const Batch& b, size_t i, size_t rows_wanted) {
   const Target& target = job.target;
   const Lanes t = lanes_of(b, i);
@@ -357,7 +397,7 @@ inline void draw_single_rows(const DrawJob& job, const Batch& b, size_t i, size_
   const size_t at = static_cast<size_t>(b.y0[i]) * target.stride + static_cast<size_t>(x);
   const size_t from = static_cast<size_t>(b.y0[i]) * target.ray_stride + static_cast<size_t>(x);
   float* depth = target.depth + at;
-  uint8_t* shade = target.shade + at;
+  Fill fill = Fill::at<kFaces>(target, at);
   const float* ray_x = target.ray_x + from;
   const float* ray_y = target.ray_y + from;
   for (size_t row = 0; row < rows_wanted; ++row) {
@@ -371,14 +411,15 @@ inline void draw_single_rows(const DrawJob& job, const Batch& b, size_t i, size_
     const F8 old = load(depth);
     const M8 drawn = both(inside, greater(z, old));
     store(depth, select(drawn, z, old));
-    store_bytes(shade, drawn, static_cast<uint8_t>(b.shade[i]));
-    depth += target.stride, shade += target.stride;
+    fill.put<kFaces>(0, drawn, b.shade[i], b.face[i]);
+    depth += target.stride, fill.advance<kFaces>(target.stride);
     ray_x += target.ray_stride, ray_y += target.ray_stride;
   }
 }
 
 /// A face of up to four pixels' width: two rows at a step. Of an odd height one row more is
 /// visited, where nothing is hit.
+template <bool kFaces>
 inline void draw_row_pairs(const DrawJob& job, const Batch& b, size_t i, size_t pairs) {
   const Target& target = job.target;
   const Lanes t = lanes_of(b, i);
@@ -390,7 +431,7 @@ inline void draw_row_pairs(const DrawJob& job, const Batch& b, size_t i, size_t 
   const size_t at = static_cast<size_t>(y) * stride + static_cast<size_t>(x);
   const size_t from = static_cast<size_t>(y) * ray_stride + static_cast<size_t>(x);
   float* depth = target.depth + at;
-  uint8_t* shade = target.shade + at;
+  Fill fill = Fill::at<kFaces>(target, at);
   const float* ray_x = target.ray_x + from;
   const float* ray_y = target.ray_y + from;
   for (size_t pair = 0; pair < pairs; ++pair) {
@@ -406,8 +447,8 @@ inline void draw_row_pairs(const DrawJob& job, const Batch& b, size_t i, size_t 
     const F8 old = load_halves(depth, depth + stride);
     const M8 drawn = both(inside, greater(z, old));
     store_halves(depth, depth + stride, select(drawn, z, old));
-    store_byte_halves(shade, shade + stride, drawn, static_cast<uint8_t>(b.shade[i]));
-    depth += 2 * stride, shade += 2 * stride;
+    fill.put_halves<kFaces>(stride, drawn, b.shade[i], b.face[i]);
+    depth += 2 * stride, fill.advance<kFaces>(2 * stride);
     ray_x += 2 * ray_stride, ray_y += 2 * ray_stride;
   }
 }
@@ -449,28 +490,30 @@ struct StepOrder {
   }
 };
 
+template <bool kFaces>
 void draw_batch(DrawJob& job, const Batch& b) {
   StepOrder order;
   order.sort(job, b);
   size_t k = 0;
   for (size_t pairs = 1; pairs <= StepOrder::kSingle; ++pairs) {
-    for (; k < order.end[pairs - 1]; ++k) draw_row_pairs(job, b, order.face[k], pairs);
+    for (; k < order.end[pairs - 1]; ++k) draw_row_pairs<kFaces>(job, b, order.face[k], pairs);
   }
   for (size_t count = 1; count <= StepOrder::kMost; ++count) {
     for (; k < order.end[StepOrder::kSingle + count - 1]; ++k)
-      draw_single_rows(job, b, order.face[k], count);
+      draw_single_rows<kFaces>(job, b, order.face[k], count);
   }
   for (; k < order.end[StepOrder::kLarge]; ++k) {
     const size_t i = order.face[k];
     if (b.end_x[i] - b.x0[i] > kSmallBox || b.end_y[i] - b.y0[i] > kSmallBox) {
       job.deferred[job.deferred_count++] = b.face[i];
     } else {
-      draw_rows<false, false>(job.target, triangle_of(job, b, i), b.x0[i], b.y0[i], b.end_x[i] - 1,
-                              b.end_y[i] - 1);
+      draw_rows<kFaces, false, false>(job.target, triangle_of(job, b, i), b.x0[i], b.y0[i],
+                                      b.end_x[i] - 1, b.end_y[i] - 1);
     }
   }
 }
 
+template <bool kFaces>
 void draw(DrawJob& job) {
   Batch b{};
   job.deferred_count = 0;
@@ -480,11 +523,14 @@ void draw(DrawJob& job) {
     set_up_depth(job, b);
     set_up_boxes(job, b);
     set_up_shade(job, b);
-    draw_batch(job, b);
+    draw_batch<kFaces>(job, b);
   }
 }
 
-constexpr Kernels kKernels{project, cull, draw, rows, rows_near};
+constexpr Kernels kKernels{project,
+                           cull,
+                           {draw<false>, rows<false>, rows_near<false>},
+                           {draw<true>, rows<true>, rows_near<true>}};
 
 }  // namespace
 }  // namespace sightline::raster

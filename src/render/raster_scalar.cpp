@@ -83,6 +83,14 @@ inline void store_byte_halves(uint8_t* p, uint8_t* q, const M8& m, uint8_t value
   for (int i = 0; i < 4; ++i) q[i] = m.v[i + 4] ? value : q[i];
 }
 
+inline void store_words(uint32_t* p, const M8& m, uint32_t value) {
+  for (int i = 0; i < kLanes; ++i) p[i] = m.v[i] ? value : p[i];
+}
+inline void store_word_halves(uint32_t* p, uint32_t* q, const M8& m, uint32_t value) {
+  for (int i = 0; i < 4; ++i) p[i] = m.v[i] ? value : p[i];
+  for (int i = 0; i < 4; ++i) q[i] = m.v[i + 4] ? value : q[i];
+}
+
 }  // namespace
 }  // namespace sightline::raster
 

@@ -62,6 +62,7 @@ void add_face(const TriangleMesh& source, size_t face, const std::vector<uint32_
   mesh.normal_z.push_back(static_cast<float>(normal.z()));
   mesh.offset.push_back(static_cast<float>(normal.dot(p)));
   mesh.luminance.push_back(luminance_of(source, face));
+  if (!source.face_normals.empty()) mesh.face_corner_normals.push_back(source.face_normals[face]);
 }
 
 struct HalfEdge {
@@ -111,6 +112,8 @@ RenderMesh make_render_mesh(const TriangleMesh& source, const RenderMeshOptions&
   mesh.serial = ++count;
   const std::vector<uint32_t> joined = join_vertices(source.vertices, mesh);
   for (size_t f = 0; f < source.faces.size(); ++f) add_face(source, f, joined, mesh);
+  mesh.corner_normals = source.normals;
+  mesh.crease_angle = options.crease_angle;
   find_feature_edges(options.crease_angle, mesh);
   mesh.min_corner = source.min_corner;
   mesh.max_corner = source.max_corner;

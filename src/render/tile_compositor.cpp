@@ -6,6 +6,8 @@
 #include <cstring>
 #include <numbers>
 
+#include "surface_shader.hpp"
+
 namespace sightline {
 namespace {
 
@@ -51,7 +53,7 @@ void TileCompositor::reserve(const TileRect& rect) {
   for (auto* plane : {&mask_, &hidden_, &luma_, &alpha_}) grow(*plane, pixels);
   for (auto* plane : {&u_, &v_, &chroma_alpha_}) grow(*plane, pixels / 4 + stride_);
   for (auto* row : {&columns_, &blurred_, &blurred_hidden_}) grow(*row, stride_);
-  for (auto* rows : {&visible_ink_, &xray_ink_}) {
+  for (auto* rows : {&visible_ink_, &xray_ink_, &own_ink_}) {
     for (auto& row : *rows) grow(row, stride_);
   }
   grow(column_sums_, stride_ + 6);
@@ -234,7 +236,8 @@ void TileCompositor::fill_hatch(float fill_opacity) {
   }
 }
 
-OverlayTileView TileCompositor::compose(const RasterTile& tile, const TilePaint& paint) {
+OverlayTileView TileCompositor::compose(const RasterTile& tile, const TilePaint& paint,
+                                        const SurfaceShader* own) {
   if (inner_.empty()) return {};
   const TileRect part = painted_part();
   const tile::Look look = look_of(paint);
@@ -265,20 +268,29 @@ OverlayTileView TileCompositor::compose(const RasterTile& tile, const TilePaint&
                          hatch_.data() + phase,
                          dashes ? dash_count : 0.0f,
                          static_cast<float>(columns.first) - middle_x,
-                         static_cast<float>(y) - middle_y};
+                         static_cast<float>(y) - middle_y,
+                         own != nullptr ? own->luma(y) + columns.first : nullptr};
     const tile::RowOut out{luma_.data() + here, alpha_.data() + here, visible_ink_[odd].data(),
-                           xray_ink_[odd].data()};
+                           xray_ink_[odd].data(), own_ink_[odd].data()};
     kernels_->compose(look, in, out, count);
     if (odd == 0) continue;
     const size_t half =
         static_cast<size_t>(y / 2) * half_stride + static_cast<size_t>(columns.first / 2);
-    const tile::ChromaIn chroma{{alpha_.data() + here - stride_, alpha_.data() + here},
-                                {visible_ink_[0].data(), visible_ink_[1].data()},
-                                {xray_ink_[0].data(), xray_ink_[1].data()},
-                                paint.color.u,
-                                paint.color.v,
-                                paint.xray_color.u,
-                                paint.xray_color.v};
+    tile::ChromaIn chroma{{alpha_.data() + here - stride_, alpha_.data() + here},
+                          {visible_ink_[0].data(), visible_ink_[1].data()},
+                          {xray_ink_[0].data(), xray_ink_[1].data()},
+                          paint.color.u,
+                          paint.color.v,
+                          paint.xray_color.u,
+                          paint.xray_color.v};
+    if (own != nullptr) {
+      for (size_t k = 0; k < 2; ++k) {
+        const int pair_row = y - 1 + static_cast<int>(k);
+        chroma.own_ink[k] = own_ink_[k].data();
+        chroma.own_u[k] = own->u(pair_row) + columns.first;
+        chroma.own_v[k] = own->v(pair_row) + columns.first;
+      }
+    }
     kernels_->chroma(chroma, u_.data() + half, v_.data() + half, chroma_alpha_.data() + half,
                      count / 2);
   }

@@ -13,6 +13,8 @@
 
 namespace sightline {
 
+class SurfaceShader;
+
 /// How a tile is painted.
 struct TilePaint {
   Yuv color;                  ///< the visible part
@@ -51,7 +53,9 @@ class TileCompositor {
   TileCoverage classify(const RasterTile& tile, const RasterTile& hiders, float factor);
 
   /// Paints the tile classified last. The view is valid until the next call.
-  OverlayTileView compose(const RasterTile& tile, const TilePaint& paint);
+  /// `own` gives the visible part of the fill its colours; null: paint.color under tile.shade().
+  OverlayTileView compose(const RasterTile& tile, const TilePaint& paint,
+                          const SurfaceShader* own = nullptr);
 
   /// Of a frame pixel, in the tile classified last.
   enum class PixelClass : uint8_t { kEmpty, kVisible, kHidden };
@@ -95,7 +99,7 @@ class TileCompositor {
   std::vector<uint16_t> column_sums_;
   std::vector<Columns> covered_;  ///< of each row of the tile
   std::vector<uint8_t> blurred_, blurred_hidden_, hatch_;
-  std::array<std::vector<uint8_t>, 2> visible_ink_, xray_ink_;
+  std::array<std::vector<uint8_t>, 2> visible_ink_, xray_ink_, own_ink_;
   std::vector<uint8_t> luma_, alpha_, u_, v_, chroma_alpha_;
 };
 

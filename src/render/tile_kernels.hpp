@@ -45,6 +45,8 @@ struct RowIn {
   /// Dashes by direction from the tile's middle (diamond angle), so many to a turn; 0: none.
   float dashes;
   float first_dx, dy;  ///< of the row's first pixel, from the middle
+  /// Luma of the visible part's own colours; null: it has that of the look.
+  const uint8_t* own_luma = nullptr;
 };
 
 /// Premultiplied luma, total alpha, and the share of each hue in it.
@@ -53,6 +55,7 @@ struct RowOut {
   uint8_t* alpha;
   uint8_t* visible_ink;
   uint8_t* xray_ink;
+  uint8_t* own_ink = nullptr;  ///< share of the own colours; only with own_luma
 };
 
 struct ChromaIn {
@@ -60,6 +63,8 @@ struct ChromaIn {
   const uint8_t* visible_ink[2];
   const uint8_t* xray_ink[2];
   uint8_t u = 128, v = 128, xray_u = 128, xray_v = 128;
+  const uint8_t* own_ink[2] = {};  ///< null: none
+  const uint8_t *own_u[2] = {}, *own_v[2] = {};
 };
 
 /// Text: two rows of strokes and of alpha, and its hue.

@@ -152,11 +152,13 @@ void dash(float first_dx, float dy, float dashes, U8* __restrict out, int n) {
 }
 
 /// Pointers are parameters: only there does g++ take `restrict` at its word.
+template <bool kOwn>
 inline void compose_row(const Look look, const U8* __restrict mask, const U8* __restrict hidden,
                         const U8* __restrict blurred, const U8* __restrict blurred_hidden,
                         const U8* __restrict shade, const U8* __restrict dashes,
-                        const U8* __restrict hatch, U8* __restrict luma, U8* __restrict alpha,
-                        U8* __restrict visible_ink, U8* __restrict xray_ink, int n) {
+                        const U8* __restrict hatch, const U8* __restrict own_luma,
+                        U8* __restrict luma, U8* __restrict alpha, U8* __restrict visible_ink,
+                        U8* __restrict xray_ink, U8* __restrict own_ink, int n) {
   const Ramp outline = look.outline;
   const Ramp halo = look.halo;
   const U16 solid = look.dash_visible ? 0 : 255;
@@ -183,20 +185,25 @@ inline void compose_row(const Look look, const U8* __restrict mask, const U8* __
     const U16 fill_weight = mul255(rest, fill);
     const U16 dark_weight = mul255(rest, dark);
     const U16 light = static_cast<U16>(80 + (static_cast<U16>(175 * shade[x]) >> 8));
-    const U16 fill_luma = static_cast<U16>(16 + mul255(choose(behind, xray_span, span), light));
+    U16 fill_luma = static_cast<U16>(16 + mul255(choose(behind, xray_span, span), light));
+    if constexpr (kOwn) fill_luma = choose(behind, fill_luma, own_luma[x]);
     const U16 line_luma = static_cast<U16>(16 + choose(line_behind, xray_span, span));
     luma[x] = static_cast<U8>(
         div255(static_cast<U16>(line * line_luma + fill_weight * fill_luma + dark_weight * 16)));
     alpha[x] = static_cast<U8>(line + fill_weight + dark_weight);
-    visible_ink[x] = static_cast<U8>(choose(line_behind, 0, line) + choose(behind, 0, fill_weight));
+    const U16 seen = choose(behind, 0, fill_weight);
+    visible_ink[x] = static_cast<U8>(choose(line_behind, 0, line) + (kOwn ? 0 : seen));
+    if constexpr (kOwn) own_ink[x] = static_cast<U8>(seen);
     xray_ink[x] = static_cast<U8>(choose(line_behind, line, 0) + choose(behind, fill_weight, 0));
   }
 }
 
 /// The same far inside the silhouette, where no outline is: a third of the work.
+template <bool kOwn>
 inline void compose_inside(const Look look, const U8* __restrict hidden, const U8* __restrict shade,
-                           const U8* __restrict hatch, U8* __restrict luma, U8* __restrict alpha,
-                           U8* __restrict visible_ink, U8* __restrict xray_ink, int n) {
+                           const U8* __restrict hatch, const U8* __restrict own_luma,
+                           U8* __restrict luma, U8* __restrict alpha, U8* __restrict visible_ink,
+                           U8* __restrict xray_ink, U8* __restrict own_ink, int n) {
   const U16 span = static_cast<U16>(look.luma - 16);
   const U16 xray_span = static_cast<U16>(look.xray_luma - 16);
   const U16 fill_alpha = look.fill_alpha;
@@ -204,10 +211,13 @@ inline void compose_inside(const Look look, const U8* __restrict hidden, const U
     const U16 behind = hidden[x];
     const U16 fill = choose(behind, hatch[x], fill_alpha);
     const U16 light = static_cast<U16>(80 + (static_cast<U16>(175 * shade[x]) >> 8));
-    const U16 fill_luma = static_cast<U16>(16 + mul255(choose(behind, xray_span, span), light));
+    U16 fill_luma = static_cast<U16>(16 + mul255(choose(behind, xray_span, span), light));
+    if constexpr (kOwn) fill_luma = choose(behind, fill_luma, own_luma[x]);
     luma[x] = static_cast<U8>(div255(static_cast<U16>(fill * fill_luma)));
     alpha[x] = static_cast<U8>(fill);
-    visible_ink[x] = static_cast<U8>(choose(behind, 0, fill));
+    const U16 seen = choose(behind, 0, fill);
+    visible_ink[x] = static_cast<U8>(kOwn ? 0 : seen);
+    if constexpr (kOwn) own_ink[x] = static_cast<U8>(seen);
     xray_ink[x] = static_cast<U8>(choose(behind, fill, 0));
   }
 }
@@ -225,24 +235,36 @@ inline bool all_are(const U8* bytes, U8 value) {
 }
 
 /// Block by block: most of a row is inside or outside of the outline.
-void compose(const Look& look, const RowIn& in, const RowOut& to, int n) {
+template <bool kOwn>
+void compose_blocks(const Look& look, const RowIn& in, const RowOut& to, int n) {
   U8 dashes[kBlock];
   __builtin_memset(dashes, 255, sizeof(dashes));
   for (int x = 0; x < n; x += kBlock) {
     const int count = n - x < kBlock ? n - x : kBlock;
     const bool whole = count == kBlock;
+    const U8* const own_luma = kOwn ? in.own_luma + x : nullptr;
+    U8* const own_ink = kOwn ? to.own_ink + x : nullptr;
     if (whole && all_are(in.blurred + x, 0)) {
       for (U8* plane : {to.luma, to.alpha, to.visible_ink, to.xray_ink})
         __builtin_memset(plane + x, 0, kBlock);
+      if constexpr (kOwn) __builtin_memset(own_ink, 0, kBlock);
     } else if (whole && all_are(in.blurred + x, kInside)) {
-      compose_inside(look, in.hidden + x, in.shade + x, in.hatch + x, to.luma + x, to.alpha + x,
-                     to.visible_ink + x, to.xray_ink + x, kBlock);
+      compose_inside<kOwn>(look, in.hidden + x, in.shade + x, in.hatch + x, own_luma, to.luma + x,
+                           to.alpha + x, to.visible_ink + x, to.xray_ink + x, own_ink, kBlock);
     } else {
       if (in.dashes > 0) dash(in.first_dx + static_cast<float>(x), in.dy, in.dashes, dashes, count);
-      compose_row(look, in.mask + x, in.hidden + x, in.blurred + x, in.blurred_hidden + x,
-                  in.shade + x, dashes, in.hatch + x, to.luma + x, to.alpha + x, to.visible_ink + x,
-                  to.xray_ink + x, count);
+      compose_row<kOwn>(look, in.mask + x, in.hidden + x, in.blurred + x, in.blurred_hidden + x,
+                        in.shade + x, dashes, in.hatch + x, own_luma, to.luma + x, to.alpha + x,
+                        to.visible_ink + x, to.xray_ink + x, own_ink, count);
     }
+  }
+}
+
+void compose(const Look& look, const RowIn& in, const RowOut& to, int n) {
+  if (in.own_luma != nullptr) {
+    compose_blocks<true>(look, in, to, n);
+  } else {
+    compose_blocks<false>(look, in, to, n);
   }
 }
 
@@ -251,7 +273,8 @@ inline U16 quarter(const U8* top, const U8* bottom, int x) {
                           2);
 }
 
-void chroma(const ChromaIn& in, U8* __restrict u, U8* __restrict v, U8* __restrict alpha, int n) {
+void plain_chroma(const ChromaIn& in, U8* __restrict u, U8* __restrict v, U8* __restrict alpha,
+                  int n) {
   const U8* __restrict alpha0 = in.alpha[0];
   const U8* __restrict alpha1 = in.alpha[1];
   const U8* __restrict visible0 = in.visible_ink[0];
@@ -274,6 +297,45 @@ void chroma(const ChromaIn& in, U8* __restrict u, U8* __restrict v, U8* __restri
     alpha[x] = static_cast<U8>(most);
     u[x] = static_cast<U8>(div255(static_cast<U16>(seen * color_u + xray * xray_u + grey)));
     v[x] = static_cast<U8>(div255(static_cast<U16>(seen * color_v + xray * xray_v + grey)));
+  }
+}
+
+/// Of four pixels, a colour weighted by the ink that each has of it; at most 255 * 255.
+inline U16 weighted(const U8* ink0, const U8* ink1, const U8* color0, const U8* color1, int x) {
+  const uint32_t sum = static_cast<uint32_t>(ink0[2 * x] * color0[2 * x]) +
+                       static_cast<uint32_t>(ink0[2 * x + 1] * color0[2 * x + 1]) +
+                       static_cast<uint32_t>(ink1[2 * x] * color1[2 * x]) +
+                       static_cast<uint32_t>(ink1[2 * x + 1] * color1[2 * x + 1]);
+  return static_cast<U16>((sum + 2) >> 2);
+}
+
+/// With colours of each pixel's own. What four roundings add is cut off at full opacity.
+void own_chroma(const ChromaIn& in, U8* __restrict u, U8* __restrict v, U8* __restrict alpha,
+                int n) {
+  const uint32_t color_u = in.u, color_v = in.v, xray_u = in.xray_u, xray_v = in.xray_v;
+  for (int x = 0; x < n; ++x) {
+    const uint32_t seen = quarter(in.visible_ink[0], in.visible_ink[1], x);
+    const uint32_t behind = quarter(in.xray_ink[0], in.xray_ink[1], x);
+    const uint32_t own = quarter(in.own_ink[0], in.own_ink[1], x);
+    const uint32_t total = quarter(in.alpha[0], in.alpha[1], x);
+    const uint32_t ink = seen + behind + own;
+    const uint32_t most = total > ink ? total : ink;
+    const uint32_t grey = (most - ink) * 128 + 127;
+    const uint32_t sum_u = seen * color_u + behind * xray_u + grey +
+                           weighted(in.own_ink[0], in.own_ink[1], in.own_u[0], in.own_u[1], x);
+    const uint32_t sum_v = seen * color_v + behind * xray_v + grey +
+                           weighted(in.own_ink[0], in.own_ink[1], in.own_v[0], in.own_v[1], x);
+    alpha[x] = static_cast<U8>(most < 255 ? most : 255);
+    u[x] = static_cast<U8>(sum_u / 255 < 255 ? sum_u / 255 : 255);
+    v[x] = static_cast<U8>(sum_v / 255 < 255 ? sum_v / 255 : 255);
+  }
+}
+
+void chroma(const ChromaIn& in, U8* u, U8* v, U8* alpha, int n) {
+  if (in.own_ink[0] != nullptr) {
+    own_chroma(in, u, v, alpha, n);
+  } else {
+    plain_chroma(in, u, v, alpha, n);
   }
 }
 

@@ -82,6 +82,8 @@ TEST(Compare, EachSectionAlone) {
             "overlay backend, font and depth");
   EXPECT_EQ(changes("[overlay]\ncrease_deg = 20\n").summary(),
             "surfaces of meshes; overlay backend, font and depth");
+  EXPECT_EQ(changes("[overlay]\nfill = \"textured\"\n").summary(),
+            "overlay of left; surfaces of meshes");
   EXPECT_EQ(changes("[[view]]\nname = \"room\"\n").summary(), "views");
   EXPECT_EQ(changes("[observe]\nmin_side_px = 9\n").summary(), "observe");
   EXPECT_EQ(changes("[estimator]\nnoise_linear = 9\n").summary(), "estimator");

@@ -271,6 +271,8 @@ unit = "mm"
 [overlay]
 styles = ["trail", "axes"]
 hidden_color = "#FFEEDD"
+fill = "textured"
+shading = "smooth"
 fill_opacity = 1
 trail_seconds = 2.5
 last_seen = true
@@ -314,6 +316,8 @@ log_level = "warning"
   EXPECT_EQ(camera.overlay.color, (Rgb{1, 2, 3}));
   EXPECT_EQ(camera.overlay.xray_color, (Rgb{255, 238, 221}));
   EXPECT_EQ(camera.overlay.fill_opacity, 1.0f);
+  EXPECT_EQ(camera.overlay.fill_kind, FillKind::kTextured);
+  EXPECT_EQ(camera.overlay.shading, Shading::kSmooth);
   EXPECT_EQ(camera.overlay.trail_seconds, 2.5);
   EXPECT_EQ(installation.calibration, "/abs/c.toml");
   EXPECT_EQ(installation.scene.meshes[1], "dir/b.ply");
@@ -380,6 +384,7 @@ const BadFile kBadFiles[] = {
      "did you mean \"outline\"?"},
     {"style with own key", base_with("[overlay]\nstyles = [\"last_seen\"]\n"), "8:10",
      "last_seen = true"},
+    {"fill", base_with("[overlay]\nfill = \"texture\"\n"), "8:8", "did you mean \"textured\"?"},
     {"theme", base_with("[overlay]\ntheme = \"dark\"\n"), "8:9", "\"dark\" is no theme"},
     {"styles as text", base_with("[overlay]\nstyles = \"fill\"\n"), "8:10", "a list of texts"},
     {"choice", base_with("[daemon]\nlog_level = \"verbose\"\n"), "8:13",

@@ -60,6 +60,7 @@ TEST(CameraRenderer, AllocatesNothingOnceWarm) {
   scene.build_wall({-0.5, 0, 0.5}, {1.0f, 2.0f, 0.02f});
   OverlayStyle style;
   for (const std::string_view name : style_names()) *style_flag(style, name) = true;
+  style.shading = Shading::kSmooth;
   auto renderer = *scene.try_renderer(style);
   GreyPicture picture(320, 240, 128);
   std::vector<PoseTrackPtr> tracks;

@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
+#include <memory>
 #include <vector>
 
 #include "render/render_support.hpp"
 #include "sightline/geometry/mesh.hpp"
+#include "sightline/image/picture.hpp"
+#include "sightline/render/mesh_paint.hpp"
 
 namespace sightline::test {
 
@@ -72,6 +76,28 @@ inline std::vector<RenderMesh> random_meshes(Dice& dice) {
   meshes.push_back(make_render_mesh(make_crossing_boxes(dice)));
   meshes.push_back(make_render_mesh(make_open_box()));
   return meshes;
+}
+
+/// A texture of noise on every other face, colours of the corners on the rest.
+inline void paint_with_noise(Dice& dice, RenderMesh& mesh) {
+  Picture picture(64, 64);
+  for (int y = 0; y < 64; ++y) {
+    for (int x = 0; x < 64; ++x)
+      picture.mutable_view().y.row(y)[x] = static_cast<uint8_t>(dice.uniform(16, 235));
+  }
+  for (const MutablePlaneView& plane : {picture.mutable_view().u, picture.mutable_view().v}) {
+    for (int y = 0; y < plane.height; ++y) std::fill_n(plane.row(y), plane.width, uint8_t{110});
+  }
+  mesh.textures = {std::make_shared<const SurfaceTexture>(picture.view())};
+  mesh.paint.resize(mesh.faces.size());
+  for (size_t f = 0; f < mesh.faces.size(); ++f) {
+    mesh.paint[f].texture = f % 2 == 0 ? 0 : -1;
+    for (size_t k = 0; k < 3; ++k) {
+      mesh.paint[f].places[k] = {static_cast<float>(dice.uniform(-1, 2)),
+                                 static_cast<float>(dice.uniform(-1, 2))};
+      mesh.paint[f].colors[k] = {static_cast<uint8_t>(dice.uniform(16, 235)), 100, 150};
+    }
+  }
 }
 
 /// Mostly in the picture and up to half of it wide, sometimes around the camera itself.

@@ -242,6 +242,32 @@ TEST(TileKernels, ScalarAndAvx2AreBitIdentical) {
           .chroma(chroma, uva[k][0].data(), uva[k][1].data(), uva[k][2].data(), count / 2);
     }
     for (int plane = 0; plane < 3; ++plane) EXPECT_EQ(uva[0][plane], uva[1][plane]);
+
+    // The same with colours of each pixel's own.
+    const auto own = bytes(n, 255);
+    std::array<std::array<std::vector<uint8_t>, 5>, 2> colored;
+    for (int k = 0; k < 2; ++k) {
+      for (auto& plane : colored[k]) plane.assign(n, 3);
+      auto& to = colored[k];
+      (k == 0 ? a : b)
+          .compose(look,
+                   {mask.data(), hidden.data(), blurred.data(), blurred_hidden.data(), shade.data(),
+                    hatch.data(), 21.0f, -17.5f, 3.5f, own.data()},
+                   {to[0].data(), to[1].data(), to[2].data(), to[3].data(), to[4].data()}, count);
+    }
+    for (size_t plane = 0; plane < 5; ++plane) EXPECT_EQ(colored[0][plane], colored[1][plane]);
+    EXPECT_EQ(colored[0][1], out[0][1]) << "colours do not change how opaque it is";
+    for (size_t i = 0; i < n; ++i)
+      EXPECT_EQ(colored[0][2][i] + colored[0][4][i], out[0][2][i]) << "inks share the alpha";
+    chroma.own_ink[0] = chroma.own_ink[1] = colored[0][4].data();
+    chroma.visible_ink[0] = chroma.visible_ink[1] = colored[0][2].data();
+    chroma.own_u[0] = chroma.own_u[1] = own.data();
+    chroma.own_v[0] = chroma.own_v[1] = own.data();
+    for (int k = 0; k < 2; ++k) {
+      (k == 0 ? a : b)
+          .chroma(chroma, uva[k][0].data(), uva[k][1].data(), uva[k][2].data(), count / 2);
+    }
+    for (int plane = 0; plane < 3; ++plane) EXPECT_EQ(uva[0][plane], uva[1][plane]);
   }
 #endif
 }

@@ -16,7 +16,9 @@ struct SurfaceTriangle {
   std::array<Eigen::Vector3f, 3> corners;
   std::array<Eigen::Vector2f, 3> places;            ///< in the texture: x right, y up, 0..1
   Eigen::Vector3f color = Eigen::Vector3f::Zero();  ///< 0..1 RGB, as the file says
-  int texture = -1;                                 ///< into textures; -1: plain
+  /// The same, corner by corner, where the file has colours of vertices; else three times it.
+  std::array<Eigen::Vector3f, 3> corner_colors;
+  int texture = -1;  ///< into textures; -1: plain
 };
 
 /// The colours of a mesh file; empty where it has none.

@@ -18,12 +18,14 @@ struct TileRect {
   bool operator==(const TileRect&) const = default;
 };
 
-/// What a rasteriser makes: per pixel the inverse depth of the nearest surface and its shade.
+/// What a rasteriser makes: per pixel the inverse depth of the nearest surface and its shade, or
+/// the face that is seen there, to be shaded later (surface_shader.hpp).
 /// Rows are 32-byte aligned; memory is kept between frames and only ever grows.
 class RasterTile {
  public:
-  /// Takes the place and size, and empties every pixel.
-  void reset(const TileRect& rect);
+  /// Takes the place and size, and empties every pixel. With `faces`, rasterisers number the face
+  /// of each pixel that they draw and leave shade() alone.
+  void reset(const TileRect& rect, bool faces = false);
 
   const TileRect& rect() const { return rect_; }
   int width() const { return rect_.width; }
@@ -41,15 +43,24 @@ class RasterTile {
   uint8_t* shade(int y) { return shade_.get() + static_cast<size_t>(y) * stride_; }
   const uint8_t* shade(int y) const { return shade_.get() + static_cast<size_t>(y) * stride_; }
 
+  bool has_faces() const { return has_faces_; }
+  static constexpr uint32_t kNoFace = 0xffffffff;
+  /// Into RenderMesh::faces of the one mesh drawn since reset(); kNoFace beside it. Only with
+  /// faces.
+  uint32_t* face(int y) { return face_.get() + static_cast<size_t>(y) * stride_; }
+  const uint32_t* face(int y) const { return face_.get() + static_cast<size_t>(y) * stride_; }
+
  private:
   struct Free {
     void operator()(void* p) const;
   };
   TileRect rect_;
   size_t stride_ = 0;
-  size_t capacity_ = 0;
+  size_t capacity_ = 0, face_capacity_ = 0;
+  bool has_faces_ = false;
   std::unique_ptr<float[], Free> depth_;
   std::unique_ptr<uint8_t[], Free> shade_;
+  std::unique_ptr<uint32_t[], Free> face_;
 };
 
 }  // namespace sightline
