@@ -46,24 +46,29 @@ inline Floats clamp(Floats v, float high) {
   return cut > zero ? cut : zero;
 }
 
-/// Alphas 0..128 of kWide pixels, so that products with bytes fit 16 bits.
+/// Alphas 0..128 of kWide pixels, so that products with bytes fit 16 bits. `kEnds`: an end of the
+/// bar may be near; elsewhere coverage along it is 1.
+template <bool kEnds>
 inline SomeShorts alphas(const Bar& bar, Floats dx, float dy) {
   const Floats across = magnitude(bar.along_x * dy - bar.along_y * dx);
-  const Floats lengthways = magnitude(bar.along_x * dx + bar.along_y * dy);
-  const Floats coverage =
-      clamp(bar.reach_across - across, bar.most) * clamp(bar.reach_along - lengthways, 1.0f);
+  Floats coverage = clamp(bar.reach_across - across, bar.most);
+  if constexpr (kEnds) {
+    const Floats lengthways = magnitude(bar.along_x * dx + bar.along_y * dy);
+    coverage *= clamp(bar.reach_along - lengthways, 1.0f);
+  }
   return __builtin_convertvector(
       __builtin_convertvector(coverage * bar.opacity * 128.0f + 0.5f, Ints), SomeShorts);
 }
 
+template <bool kEnds>
 inline Shorts alphas8(const Bar& bar, float dx, float dy) {
 #if SIGHTLINE_BAR_LANES == 8
   const Floats steps = {0, 1, 2, 3, 4, 5, 6, 7};
-  return alphas(bar, dx + steps, dy);
+  return alphas<kEnds>(bar, dx + steps, dy);
 #else
   const Floats steps = {0, 1, 2, 3};
-  return __builtin_shufflevector(alphas(bar, dx + steps, dy), alphas(bar, dx + 4 + steps, dy), 0, 1,
-                                 2, 3, 4, 5, 6, 7);
+  return __builtin_shufflevector(alphas<kEnds>(bar, dx + steps, dy),
+                                 alphas<kEnds>(bar, dx + 4 + steps, dy), 0, 1, 2, 3, 4, 5, 6, 7);
 #endif
 }
 
@@ -113,6 +118,21 @@ struct Band {
   }
 };
 
+/// The pixels of a row from low to high, counted from the bar's middle. Lanes beyond the bar have
+/// alpha 0 and keep their pixels.
+template <int Planes, bool kEnds>
+inline void draw_row(const Bar& bar, int y, float dy, float low, float high) {
+  const int last = last_of(high + bar.middle_x, bar.width);
+  for (int x = first_of(low + bar.middle_x, bar.width); x <= last; x += kLanes) {
+    const Shorts alpha = alphas8<kEnds>(bar, static_cast<float>(x) - bar.middle_x, dy);
+    if (bar.step == 1 && x + kLanes <= bar.width) {
+      blend8<Planes>(bar, x, y, alpha);
+    } else {
+      blend_some<Planes>(bar, x, y, alpha, bar.width - x < kLanes ? bar.width - x : kLanes);
+    }
+  }
+}
+
 template <int Planes>
 void draw(const Bar& given) {
   const Bar bar = given;  // here, where no byte that is written can change it
@@ -120,24 +140,24 @@ void draw(const Bar& given) {
   const Band lengthways(bar.along_x, bar.along_y, bar.reach_along);
   const float extent = (bar.along_y < 0 ? -bar.along_y : bar.along_y) * bar.reach_along +
                        (bar.along_x < 0 ? -bar.along_x : bar.along_x) * bar.reach_across;
+  // Where both ends of a row are nearer than this to the middle, coverage along the bar is 1; the
+  // pixel of slack is for lanes that round beyond the row's ends.
+  const float far_from_ends = bar.reach_along - 2;
   const int last_row = last_of(bar.middle_y + extent, bar.height);
   for (int y = first_of(bar.middle_y - extent, bar.height); y <= last_row; ++y) {
     const float dy = static_cast<float>(y) - bar.middle_y;
     float low = -1e9f;
     float high = 1e9f;
     across.cut(dy, low, high);
-    lengthways.cut(dy, low, high);
-    if (low > high) continue;
-    const int last = last_of(high + bar.middle_x, bar.width);
-    // Lanes beyond the bar have alpha 0 and keep their pixels.
-    for (int x = first_of(low + bar.middle_x, bar.width); x <= last; x += kLanes) {
-      const Shorts alpha = alphas8(bar, static_cast<float>(x) - bar.middle_x, dy);
-      if (bar.step == 1 && x + kLanes <= bar.width) {
-        blend8<Planes>(bar, x, y, alpha);
-      } else {
-        blend_some<Planes>(bar, x, y, alpha, bar.width - x < kLanes ? bar.width - x : kLanes);
-      }
+    const float at_low = bar.along_x * low + bar.along_y * dy;
+    const float at_high = bar.along_x * high + bar.along_y * dy;
+    if (larger(at_low, at_high) <= far_from_ends && smaller(at_low, at_high) >= -far_from_ends &&
+        low <= high) {
+      draw_row<Planes, false>(bar, y, dy, low, high);
+      continue;
     }
+    lengthways.cut(dy, low, high);
+    if (low <= high) draw_row<Planes, true>(bar, y, dy, low, high);
   }
 }
 

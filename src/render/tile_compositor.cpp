@@ -89,18 +89,20 @@ TileCoverage TileCompositor::classify_rows(const RasterTile& tile, float factor,
   int first = -1;
   int last = -1;
   for (int y = 0; y < height; ++y) {
-    const int found =
+    const tile::Covered found =
         kernels_->classify(tile.inverse_depth(y), hider_row(y), factor, mask_.data() + at(0, y),
                            hidden_.data() + at(0, y), columns_.data(), width);
-    if ((found & tile::kAnyCovered) != 0) {
-      if (first < 0) first = y;
-      last = y;
-    }
-    if ((found & tile::kAnyHidden) != 0) coverage_.hidden = true;
+    covered_[static_cast<size_t>(y)] = found;
+    if (found.hidden) coverage_.hidden = true;
+    if (found.count() == 0) continue;
+    if (first < 0) first = y;
+    last = y;
   }
   if (first < 0) return coverage_;
-  repeat_frame_edge();
-  for (int y = 0; y < rect_.height; ++y) covered_[static_cast<size_t>(y)] = covered_columns(y);
+  if (width < rect_.width || height < rect_.height) {
+    repeat_frame_edge();
+    for (int y = 0; y < rect_.height; ++y) covered_[static_cast<size_t>(y)] = covered_columns(y);
+  }
   const auto covered = [](uint8_t column) { return column != 0; };
   const auto end = columns_.begin() + width;
   const auto left = std::find_if(columns_.begin(), end, covered);
@@ -140,25 +142,42 @@ TileRect TileCompositor::painted_part() const {
   return part;
 }
 
-/// From the first to the last covered pixel of a row. Read in words: rows without any are common.
-TileCompositor::Columns TileCompositor::covered_columns(int y) const {
+/// What classify() tells of a row, from its mask.
+tile::Covered TileCompositor::covered_columns(int y) const {
   const uint8_t* const row = mask_.data() + at(0, y);
-  const uint8_t* const end = row + rect_.width;
-  const auto covered = [](uint8_t pixel) { return pixel != 0; };
-  const uint8_t* first = row;
-  for (uint64_t word; first + sizeof(word) <= end; first += sizeof(word)) {
-    std::memcpy(&word, first, sizeof(word));
-    if (word != 0) break;
+  tile::Covered found{rect_.width, 0, 0, 0, false};
+  for (int x = 0; x < rect_.width; ++x) {
+    if (row[x] == 0) continue;
+    if (found.end == 0) found.first = x;
+    if (x == found.first || x == found.gap) found.gap = x + 1;
+    if (x != found.end || found.end == 0) found.last_run = x;
+    found.end = x + 1;
   }
-  first = std::find_if(first, end, covered);
-  if (first == end) return {};
-  const uint8_t* last = end;
-  for (uint64_t word; last - sizeof(word) >= first; last -= sizeof(word)) {
-    std::memcpy(&word, last - sizeof(word), sizeof(word));
-    if (word != 0) break;
+  return found.end == 0 ? tile::Covered{} : found;
+}
+
+/// Columns of a row from where no pixel of the silhouette's edge is in reach of the blur: the
+/// shared part of the runs that begin, and of those that end, the rows around it.
+std::array<TileCompositor::Columns, 2> TileCompositor::deep_inside(int y) const {
+  constexpr int kReach = 3;
+  constexpr int kWorthwhile = 32;
+  Columns left{0, rect_.width}, right{0, rect_.width};
+  for (int row = std::max(y - kReach, 0); row <= std::min(y + kReach, rect_.height - 1); ++row) {
+    const tile::Covered& covered = covered_[static_cast<size_t>(row)];
+    left = {std::max(left.first, covered.first), std::min(left.end, covered.gap)};
+    right = {std::max(right.first, covered.last_run), std::min(right.end, covered.end)};
   }
-  while (last[-1] == 0) --last;
-  return {static_cast<int>(first - row), static_cast<int>(last - row)};
+  const auto worthwhile = [](const Columns& run) {
+    const Columns deep{run.first + kReach, run.end - kReach};
+    return deep.count() < kWorthwhile ? Columns{} : deep;
+  };
+  left = worthwhile(left);
+  right = worthwhile(right);
+  if (left.count() <= 0) return {right, {}};
+  // Rows without a gap: one run, which may be cut to different pieces.
+  if (right.first < left.end)
+    return {Columns{std::min(left.first, right.first), std::max(left.end, right.end)}, {}};
+  return {left, right};
 }
 
 /// What the pair of rows with row `y` shows: the covered part of all rows that blur into it, grown
@@ -168,7 +187,7 @@ TileCompositor::Columns TileCompositor::painted_columns(int y, const TileRect& p
   const int bottom = std::min((y | 1) + kMargin, rect_.height - 1);
   Columns all{rect_.width, 0};
   for (int row = top; row <= bottom; ++row) {
-    const Columns& one = covered_[static_cast<size_t>(row)];
+    const tile::Covered& one = covered_[static_cast<size_t>(row)];
     if (one.count() <= 0) continue;
     all = {std::min(all.first, one.first), std::max(all.end, one.end)};
   }
@@ -197,19 +216,35 @@ void TileCompositor::clear_beside(int y, const TileRect& part, const Columns& pa
 }
 
 void TileCompositor::blur(const std::vector<uint8_t>& plane, int y, const Columns& columns,
-                          std::vector<uint8_t>& out) {
-  std::array<const uint8_t*, 7> rows;
-  for (int k = 0; k < 7; ++k) {
-    rows[static_cast<size_t>(k)] =
-        plane.data() + at(columns.first, std::clamp(y + k - 3, 0, rect_.height - 1));
+                          const std::array<Columns, 2>& inside, std::vector<uint8_t>& out) {
+  constexpr int kReach = 3;
+  // The sums of column x stand at x + kReach - columns.first.
+  uint16_t* const sums = column_sums_.data();
+  const auto blur_piece = [&](int first, int end) {
+    const int from = std::max(first - kReach, columns.first);
+    const int to = std::min(end + kReach, columns.end);
+    std::array<const uint8_t*, 7> rows;
+    for (int k = 0; k < 7; ++k) {
+      rows[static_cast<size_t>(k)] =
+          plane.data() + at(from, std::clamp(y + k - kReach, 0, rect_.height - 1));
+    }
+    uint16_t* const own = sums + (from - columns.first) + kReach;
+    kernels_->blur_down(rows, own, to - from);
+    // Beyond the margin there is nothing; beyond the frame's edge the object goes on.
+    if (from == columns.first) std::fill_n(own - kReach, kReach, own[0]);
+    if (to == columns.end) std::fill_n(own + (to - from), kReach, own[to - from - 1]);
+    const int offset = first - columns.first;
+    kernels_->blur_along(sums + offset, out.data() + offset, end - first);
+  };
+  int at_column = columns.first;
+  for (const Columns& deep : inside) {
+    if (deep.count() <= 0) continue;
+    if (deep.first > at_column) blur_piece(at_column, deep.first);
+    std::memset(out.data() + (deep.first - columns.first), tile::kInside,
+                static_cast<size_t>(deep.count()));
+    at_column = deep.end;
   }
-  uint16_t* sums = column_sums_.data();
-  const int count = columns.count();
-  kernels_->blur_down(rows, sums + 3, count);
-  // Beyond the margin there is nothing; beyond the frame's edge the object goes on.
-  std::fill_n(sums, 3, sums[3]);
-  std::fill_n(sums + 3 + count, 3, sums[2 + count]);
-  kernels_->blur_along(sums, out.data(), count);
+  if (at_column < columns.end) blur_piece(at_column, columns.end);
 }
 
 tile::Look TileCompositor::look_of(const TilePaint& paint) const {
@@ -255,8 +290,10 @@ OverlayTileView TileCompositor::compose(const RasterTile& tile, const TilePaint&
     clear_beside(y, part, columns);
     const int count = columns.count();
     if (count == 0) continue;
-    blur(mask_, y, columns, blurred_);
-    if (coverage_.hidden) blur(hidden_, y, columns, blurred_hidden_);
+    const std::array<Columns, 2> inside = deep_inside(y);
+    blur(mask_, y, columns, inside, blurred_);
+    // Deep inside no outline asks for it.
+    if (coverage_.hidden) blur(hidden_, y, columns, inside, blurred_hidden_);
     const size_t here = at(columns.first, y);
     const size_t odd = static_cast<size_t>(y & 1);
     const int phase = (rect_.x + columns.first + rect_.y + y) % kHatchPeriod;

@@ -80,11 +80,12 @@ class TileCompositor {
     int first = 0, end = 0;
     int count() const { return end - first; }
   };
-  Columns covered_columns(int y) const;
+  tile::Covered covered_columns(int y) const;
   Columns painted_columns(int y, const TileRect& part) const;
+  std::array<Columns, 2> deep_inside(int y) const;
   void clear_beside(int y, const TileRect& part, const Columns& painted);
   void blur(const std::vector<uint8_t>& plane, int y, const Columns& columns,
-            std::vector<uint8_t>& out);
+            const std::array<Columns, 2>& inside, std::vector<uint8_t>& out);
   tile::Look look_of(const TilePaint& paint) const;
   void fill_hatch(float fill_opacity);
 
@@ -97,7 +98,7 @@ class TileCompositor {
 
   std::vector<uint8_t> mask_, hidden_, columns_;
   std::vector<uint16_t> column_sums_;
-  std::vector<Columns> covered_;  ///< of each row of the tile
+  std::vector<tile::Covered> covered_;  ///< of each row of the tile
   std::vector<uint8_t> blurred_, blurred_hidden_, hatch_;
   std::array<std::vector<uint8_t>, 2> visible_ink_, xray_ink_, own_ink_;
   std::vector<uint8_t> luma_, alpha_, u_, v_, chroma_alpha_;

@@ -31,9 +31,14 @@ struct Look {
   Ramp outline, halo;
 };
 
-/// What classify() found in a row.
-inline constexpr int kAnyCovered = 1;
-inline constexpr int kAnyHidden = 2;
+/// What classify() found in a row: columns, ends excluded. All zero where nothing is covered.
+struct Covered {
+  int first = 0, end = 0;  ///< from the first to the last covered pixel
+  int gap = 0;             ///< end of the run without a gap that begins at `first`
+  int last_run = 0;        ///< begin of the one that ends at `end`
+  bool hidden = false;     ///< the scene hides any of it
+  int count() const { return end - first; }
+};
 
 struct RowIn {
   const uint8_t* mask;            ///< 255 on the object, else 0
@@ -77,8 +82,8 @@ struct TextChromaIn {
 struct Kernels {
   /// mask and hidden from 1/z of object and scene: hidden where scene > object * factor. `scene`
   /// may be null. ORs the mask into `columns`.
-  int (*classify)(const float* object, const float* scene, float factor, uint8_t* mask,
-                  uint8_t* hidden, uint8_t* columns, int n);
+  Covered (*classify)(const float* object, const float* scene, float factor, uint8_t* mask,
+                      uint8_t* hidden, uint8_t* columns, int n);
   /// Down the columns: seven rows of masks, 0 .. 15 * 64.
   void (*blur_down)(const std::array<const uint8_t*, 7>& rows, uint16_t* out, int n);
   /// Along the row: `in` has three more values at either end.

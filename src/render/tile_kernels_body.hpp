@@ -44,13 +44,47 @@ inline __m256i load_bytes(const U8* p) {
 }
 inline void store_bytes(U8* p, __m256i v) { _mm256_storeu_si256(reinterpret_cast<__m256i*>(p), v); }
 
+#endif
+
+/// Columns of covered pixels, gathered in order.
+struct Runs {
+  int first = -1, gap = -1, last_run = 0, end = -1;
+
+  /// 32 pixels from `x`, a bit each.
+  void add(unsigned covered, int x) {
+    if (covered == 0) {
+      if (first >= 0 && gap < 0) gap = x;
+      return;
+    }
+    const int top = 31 - __builtin_clz(covered);
+    const unsigned gaps_below = ~covered & ((1u << top) - 1);
+    if (gaps_below != 0) {
+      last_run = x + 32 - __builtin_clz(gaps_below);
+    } else if (end != x) {
+      last_run = x;
+    }
+    end = x + top + 1;
+    unsigned gaps = ~covered;
+    if (first < 0) {
+      const int lowest = __builtin_ctz(covered);
+      first = x + lowest;
+      gaps &= ~0u << lowest;
+    }
+    if (gap < 0 && gaps != 0) gap = x + __builtin_ctz(gaps);
+  }
+  Covered result(bool hidden) const {
+    if (first < 0) return {};
+    return {first, end, gap < 0 || gap > end ? end : gap, last_run, hidden};
+  }
+};
+
+#ifdef __AVX2__
 /// classify() of the whole 32s of a row; returns how many pixels those are.
 inline int classify32(const float* object, const float* scene, float factor, U8* mask, U8* hidden,
-                      U8* columns, int n, int& found) {
+                      U8* columns, int n, Runs& runs, bool& behind_any) {
   const __m256 zero = _mm256_setzero_ps();
   const __m256 scale = _mm256_set1_ps(factor);
-  __m256i any = _mm256_setzero_si256();
-  __m256i any_hidden = any;
+  __m256i any_hidden = _mm256_setzero_si256();
   int x = 0;
   for (; x + 32 <= n; x += 32) {
     __m256i in[4], out[4];
@@ -68,18 +102,17 @@ inline int classify32(const float* object, const float* scene, float factor, U8*
     store_bytes(mask + x, inside);
     store_bytes(hidden + x, behind);
     store_bytes(columns + x, _mm256_or_si256(load_bytes(columns + x), inside));
-    any = _mm256_or_si256(any, inside);
     any_hidden = _mm256_or_si256(any_hidden, behind);
+    runs.add(static_cast<unsigned>(_mm256_movemask_epi8(inside)), x);
   }
-  found = (_mm256_testz_si256(any, any) != 0 ? 0 : kAnyCovered) |
-          (_mm256_testz_si256(any_hidden, any_hidden) != 0 ? 0 : kAnyHidden);
+  behind_any = _mm256_testz_si256(any_hidden, any_hidden) == 0;
   return x;
 }
 #endif
 
-int classify_rest(const float* __restrict object, const float* __restrict scene, float factor,
-                  U8* __restrict mask, U8* __restrict hidden, U8* __restrict columns, int n) {
-  int covered = 0;
+/// Tells whether anything is behind the scene.
+bool classify_rest(const float* __restrict object, const float* __restrict scene, float factor,
+                   U8* __restrict mask, U8* __restrict hidden, U8* __restrict columns, int n) {
   int behind = 0;
   if (scene == nullptr) {
     for (int x = 0; x < n; ++x) {
@@ -87,7 +120,6 @@ int classify_rest(const float* __restrict object, const float* __restrict scene,
       mask[x] = static_cast<U8>(in);
       hidden[x] = 0;
       columns[x] = static_cast<U8>(columns[x] | in);
-      covered |= in;
     }
   } else {
     for (int x = 0; x < n; ++x) {
@@ -96,22 +128,30 @@ int classify_rest(const float* __restrict object, const float* __restrict scene,
       mask[x] = static_cast<U8>(in);
       hidden[x] = static_cast<U8>(out_of_sight);
       columns[x] = static_cast<U8>(columns[x] | in);
-      covered |= in;
       behind |= out_of_sight;
     }
   }
-  return (covered != 0 ? kAnyCovered : 0) | (behind != 0 ? kAnyHidden : 0);
+  return behind != 0;
 }
 
-int classify(const float* object, const float* scene, float factor, U8* mask, U8* hidden,
-             U8* columns, int n) {
-  int found = 0;
+Covered classify(const float* object, const float* scene, float factor, U8* mask, U8* hidden,
+                 U8* columns, int n) {
+  Runs runs;
+  bool behind = false;
   int x = 0;
 #ifdef __AVX2__
-  x = classify32(object, scene, factor, mask, hidden, columns, n, found);
+  x = classify32(object, scene, factor, mask, hidden, columns, n, runs, behind);
 #endif
-  return found | classify_rest(object + x, scene == nullptr ? nullptr : scene + x, factor, mask + x,
-                               hidden + x, columns + x, n - x);
+  if (classify_rest(object + x, scene == nullptr ? nullptr : scene + x, factor, mask + x,
+                    hidden + x, columns + x, n - x))
+    behind = true;
+  for (; x < n; x += 32) {
+    const int count = n - x < 32 ? n - x : 32;
+    unsigned covered = 0;
+    for (int k = 0; k < count; ++k) covered |= static_cast<unsigned>(mask[x + k] & 1) << k;
+    runs.add(covered, x);
+  }
+  return runs.result(behind);
 }
 
 void blur_down(const std::array<const U8*, 7>& rows, U16* __restrict out, int n) {
