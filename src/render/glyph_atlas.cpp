@@ -91,6 +91,7 @@ class GlyphAtlas::Builder {
     for (int y = 0; y < glyph.height; ++y) {
       const uint8_t* row = bitmap.buffer + y * bitmap.pitch;
       atlas_.bytes_.insert(atlas_.bytes_.end(), row, row + glyph.width);
+      end_row(glyph.width);
     }
     add_halo(glyph);
     return true;
@@ -105,7 +106,13 @@ class GlyphAtlas::Builder {
       for (int x = 0; x < width; ++x) {
         atlas_.bytes_.push_back(halo_at(glyph, x - kHaloMargin, y - kHaloMargin));
       }
+      end_row(width);
     }
+  }
+
+  void end_row(int width) {
+    atlas_.bytes_.resize(atlas_.bytes_.size() +
+                         static_cast<size_t>(Glyph::row_bytes(width) - width));
   }
 
   uint8_t halo_at(const Glyph& glyph, int x, int y) const {
@@ -117,7 +124,8 @@ class GlyphAtlas::Builder {
         if (sx < 0 || sy < 0 || sx >= glyph.width || sy >= glyph.height) continue;
         const float reach = std::sqrt(static_cast<float>(dx * dx + dy * dy));
         const float weight = std::clamp(2.4f - reach, 0.0f, 1.0f);
-        const size_t at = glyph.strokes + static_cast<size_t>(sy * glyph.width + sx);
+        const size_t at =
+            glyph.strokes + static_cast<size_t>(sy * Glyph::row_bytes(glyph.width) + sx);
         most = std::max(most, weight * static_cast<float>(atlas_.bytes_[at]));
       }
     }

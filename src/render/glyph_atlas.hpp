@@ -18,8 +18,12 @@ struct Glyph {
   int width = 0;       ///< of the coverage
   int height = 0;      ///< of the coverage
   int advance = 0;     ///< of the pen [px]
-  size_t strokes = 0;  ///< offset of width x height bytes
-  size_t halo = 0;     ///< offset of (width + 2 margin) x (height + 2 margin) bytes
+  size_t strokes = 0;  ///< offset of width x height bytes, in rows of row_bytes(width)
+  size_t halo = 0;     ///< of (width + 2 margin) x (height + 2 margin), likewise
+
+  /// Rows end in zeros up to a multiple of kStep, so that they are laid in whole steps.
+  static constexpr int kStep = 16;
+  static constexpr int row_bytes(int pixels) { return (pixels + kStep - 1) / kStep * kStep; }
 };
 
 /// The characters labels use, at one size: Latin-1 and a few symbols. Immutable once made.

@@ -150,7 +150,7 @@ void SurfaceShader::run(const RenderMesh& mesh, const Rigid3& camera_from_object
   for (Face& face : faces_) face.number = RasterTile::kNoFace;
   stride_ = tile.stride();
   if (textured) {
-    const size_t size = stride_ * static_cast<size_t>(tile.height());
+    const size_t size = stride_ * static_cast<size_t>(tile.height()) + RasterTile::kSlack;
     for (auto& plane : planes_) {
       if (plane.size() < size) plane.resize(size);
     }

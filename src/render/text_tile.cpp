@@ -20,7 +20,8 @@ TextTile::TextTile(std::shared_ptr<const GlyphAtlas> atlas, int most_characters,
       most_width_(even_up(most_characters * atlas_->widest_advance() + 2 * kBorder)),
       most_height_(even_up(most_lines * atlas_->line_height() + 2 * kBorder)) {
   const size_t pixels = static_cast<size_t>(most_width_) * static_cast<size_t>(most_height_);
-  for (std::vector<uint8_t>* plane : {&strokes_, &halo_, &luma_}) plane->resize(pixels);
+  for (std::vector<uint8_t>* plane : {&strokes_, &halo_, &luma_})
+    plane->resize(pixels + 2 * Glyph::kStep);
   for (std::vector<uint8_t>* plane : {&u_, &v_, &chroma_alpha_}) plane->resize(pixels / 4);
 }
 
@@ -72,11 +73,15 @@ void TextTile::set_line(std::string_view line, int top) {
 }
 
 void TextTile::lay(const uint8_t* from, int width, int height, uint8_t* plane, int x, int y) {
-  for (int row = std::max(0, -y); row < std::min(height, most_height_ - y); ++row) {
-    uint8_t* to = plane + static_cast<ptrdiff_t>(y + row) * most_width_ + x;
-    const uint8_t* source = from + static_cast<ptrdiff_t>(row) * width;
-    for (int column = std::max(0, -x); column < std::min(width, most_width_ - x); ++column) {
-      to[column] = std::max(to[column], source[column]);
+  const int row_bytes = Glyph::row_bytes(width);
+  const int first = std::max(0, -y), last = std::min(height, most_height_ - y);
+  if (x < 0 || x + width > most_width_) return;
+  // Whole steps: past the glyph there are zeros, which change nothing, and past the plane slack.
+  for (int row = first; row < last; ++row) {
+    uint8_t* const to = plane + static_cast<ptrdiff_t>(y + row) * most_width_ + x;
+    const uint8_t* const source = from + static_cast<ptrdiff_t>(row) * row_bytes;
+    for (int step = 0; step < row_bytes; step += Glyph::kStep) {
+      for (int i = step; i < step + Glyph::kStep; ++i) to[i] = std::max(to[i], source[i]);
     }
   }
 }

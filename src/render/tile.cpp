@@ -23,13 +23,14 @@ void RasterTile::reset(const TileRect& rect, bool faces) {
   const size_t size = stride_ * static_cast<size_t>(rect.height);
   if (size > capacity_) {
     capacity_ = size;
-    depth_.reset(static_cast<float*>(::operator new(size * sizeof(float), kAlignment)));
-    shade_.reset(static_cast<uint8_t*>(::operator new(size, kAlignment)));
+    depth_.reset(static_cast<float*>(::operator new((size + kSlack) * sizeof(float), kAlignment)));
+    shade_.reset(static_cast<uint8_t*>(::operator new(size + kSlack, kAlignment)));
   }
   has_faces_ = faces;
   if (faces && size > face_capacity_) {
     face_capacity_ = size;
-    face_.reset(static_cast<uint32_t*>(::operator new(size * sizeof(uint32_t), kAlignment)));
+    face_.reset(
+        static_cast<uint32_t*>(::operator new((size + kSlack) * sizeof(uint32_t), kAlignment)));
   }
   if (size == 0) return;
   std::memset(depth_.get(), 0, size * sizeof(float));

@@ -34,6 +34,12 @@ constexpr int kHatchPeriod = 8;
 constexpr int kHatchLine = 3;
 constexpr float kDashPeriod = 12;
 
+/// Rows are computed in whole steps, so that kernels have nothing left over. What lies past their
+/// ends has no meaning, and is overwritten by the next row or not looked at.
+constexpr int kStep = 32;
+constexpr size_t kSlack = RasterTile::kSlack;
+constexpr int whole_steps(int count, int step = kStep) { return (count + step - 1) / step * step; }
+
 }  // namespace
 
 float hide_factor(double tolerance, double sigmas, double sigma_translation, double depth) {
@@ -49,16 +55,16 @@ void TileCompositor::reserve(const TileRect& rect) {
   const auto grow = [](auto& plane, size_t size) {
     if (plane.size() < size) plane.resize(size);
   };
-  const size_t pixels = stride_ * static_cast<size_t>(rect.height);
+  const size_t pixels = stride_ * static_cast<size_t>(rect.height) + kSlack;
   for (auto* plane : {&mask_, &hidden_, &luma_, &alpha_}) grow(*plane, pixels);
-  for (auto* plane : {&u_, &v_, &chroma_alpha_}) grow(*plane, pixels / 4 + stride_);
-  for (auto* row : {&columns_, &blurred_, &blurred_hidden_}) grow(*row, stride_);
+  for (auto* plane : {&u_, &v_, &chroma_alpha_}) grow(*plane, pixels / 4 + stride_ + kSlack);
+  for (auto* row : {&columns_, &blurred_, &blurred_hidden_}) grow(*row, stride_ + kSlack);
   for (auto* rows : {&visible_ink_, &xray_ink_, &own_ink_}) {
-    for (auto& row : *rows) grow(row, stride_);
+    for (auto& row : *rows) grow(row, stride_ + kSlack);
   }
-  grow(column_sums_, stride_ + 6);
+  grow(column_sums_, stride_ + 2 * kSlack);
   grow(covered_, static_cast<size_t>(rect.height));
-  grow(hatch_, stride_ + kHatchPeriod);
+  grow(hatch_, stride_ + kHatchPeriod + kSlack);
 }
 
 TileCoverage TileCompositor::classify(const RasterTile& tile, const StaticDepth* scene,
@@ -174,9 +180,8 @@ std::array<TileCompositor::Columns, 2> TileCompositor::deep_inside(int y) const 
   left = worthwhile(left);
   right = worthwhile(right);
   if (left.count() <= 0) return {right, {}};
-  // Rows without a gap: one run, which may be cut to different pieces.
-  if (right.first < left.end)
-    return {Columns{std::min(left.first, right.first), std::max(left.end, right.end)}, {}};
+  // Of rows without a gap both are the same run.
+  if (right.count() <= 0 || right.first < left.end) return {left, {}};
   return {left, right};
 }
 
@@ -215,36 +220,37 @@ void TileCompositor::clear_beside(int y, const TileRect& part, const Columns& pa
   }
 }
 
-void TileCompositor::blur(const std::vector<uint8_t>& plane, int y, const Columns& columns,
-                          const std::array<Columns, 2>& inside, std::vector<uint8_t>& out) {
+void TileCompositor::blur(const std::vector<uint8_t>& plane, const std::array<size_t, 7>& rows,
+                          const Columns& columns, const std::array<Columns, 2>& inside,
+                          std::vector<uint8_t>& out) {
   constexpr int kReach = 3;
-  // The sums of column x stand at x + kReach - columns.first.
-  uint16_t* const sums = column_sums_.data();
+  constexpr int kBefore = 16;  // whole steps of sums on either side of a piece
+  uint16_t* const sums = column_sums_.data() + kBefore;  // counted from columns.first
+  const int count = columns.count();
   const auto blur_piece = [&](int first, int end) {
-    const int from = std::max(first - kReach, columns.first);
-    const int to = std::min(end + kReach, columns.end);
-    std::array<const uint8_t*, 7> rows;
-    for (int k = 0; k < 7; ++k) {
-      rows[static_cast<size_t>(k)] =
-          plane.data() + at(from, std::clamp(y + k - kReach, 0, rect_.height - 1));
-    }
-    uint16_t* const own = sums + (from - columns.first) + kReach;
-    kernels_->blur_down(rows, own, to - from);
+    const int from = first == 0 ? 0 : first - kBefore;
+    const int to = end == count ? count : end + kBefore;
+    const uint8_t* const start = plane.data() + columns.first + from;
+    kernels_->blur_down({start + rows[0], start + rows[1], start + rows[2], start + rows[3],
+                         start + rows[4], start + rows[5], start + rows[6]},
+                        sums + from, whole_steps(to - from, kBefore));
     // Beyond the margin there is nothing; beyond the frame's edge the object goes on.
-    if (from == columns.first) std::fill_n(own - kReach, kReach, own[0]);
-    if (to == columns.end) std::fill_n(own + (to - from), kReach, own[to - from - 1]);
-    const int offset = first - columns.first;
-    kernels_->blur_along(sums + offset, out.data() + offset, end - first);
+    if (first == 0) std::fill_n(sums - kReach, kReach, sums[0]);
+    if (end == count) std::fill_n(sums + count, kReach, sums[count - 1]);
+    kernels_->blur_along(sums + first - kReach, out.data() + first,
+                         whole_steps(end - first, kBefore));
   };
-  int at_column = columns.first;
+  int done = 0;
   for (const Columns& deep : inside) {
-    if (deep.count() <= 0) continue;
-    if (deep.first > at_column) blur_piece(at_column, deep.first);
-    std::memset(out.data() + (deep.first - columns.first), tile::kInside,
-                static_cast<size_t>(deep.count()));
-    at_column = deep.end;
+    const int first = whole_steps(deep.first - columns.first);
+    const int end = (deep.end - columns.first) / kStep * kStep;
+    if (deep.count() <= 0 || end <= first) continue;
+    if (first > done) blur_piece(done, first);
+    std::memset(out.data() + first, tile::kInside, static_cast<size_t>(end - first));
+    done = end;
   }
-  if (at_column < columns.end) blur_piece(at_column, columns.end);
+  if (done < count) blur_piece(done, count);
+  std::memset(out.data() + count, 0, static_cast<size_t>(whole_steps(count) - count));
 }
 
 tile::Look TileCompositor::look_of(const TilePaint& paint) const {
@@ -291,9 +297,12 @@ OverlayTileView TileCompositor::compose(const RasterTile& tile, const TilePaint&
     const int count = columns.count();
     if (count == 0) continue;
     const std::array<Columns, 2> inside = deep_inside(y);
-    blur(mask_, y, columns, inside, blurred_);
+    std::array<size_t, 7> rows;
+    for (int k = 0; k < 7; ++k)
+      rows[static_cast<size_t>(k)] = at(0, std::clamp(y + k - 3, 0, rect_.height - 1));
+    blur(mask_, rows, columns, inside, blurred_);
     // Deep inside no outline asks for it.
-    if (coverage_.hidden) blur(hidden_, y, columns, inside, blurred_hidden_);
+    if (coverage_.hidden) blur(hidden_, rows, columns, inside, blurred_hidden_);
     const size_t here = at(columns.first, y);
     const size_t odd = static_cast<size_t>(y & 1);
     const int phase = (rect_.x + columns.first + rect_.y + y) % kHatchPeriod;
@@ -309,7 +318,7 @@ OverlayTileView TileCompositor::compose(const RasterTile& tile, const TilePaint&
                          own != nullptr ? own->luma(y) + columns.first : nullptr};
     const tile::RowOut out{luma_.data() + here, alpha_.data() + here, visible_ink_[odd].data(),
                            xray_ink_[odd].data(), own_ink_[odd].data()};
-    kernels_->compose(look, in, out, count);
+    kernels_->compose(look, in, out, whole_steps(count));
     if (odd == 0) continue;
     const size_t half =
         static_cast<size_t>(y / 2) * half_stride + static_cast<size_t>(columns.first / 2);
@@ -329,7 +338,7 @@ OverlayTileView TileCompositor::compose(const RasterTile& tile, const TilePaint&
       }
     }
     kernels_->chroma(chroma, u_.data() + half, v_.data() + half, chroma_alpha_.data() + half,
-                     count / 2);
+                     whole_steps(count) / 2);
   }
   const auto full = [&](const std::vector<uint8_t>& plane) {
     return PlaneView{plane.data() + at(part.x, part.y), part.width, part.height,

@@ -84,8 +84,10 @@ class TileCompositor {
   Columns painted_columns(int y, const TileRect& part) const;
   std::array<Columns, 2> deep_inside(int y) const;
   void clear_beside(int y, const TileRect& part, const Columns& painted);
-  void blur(const std::vector<uint8_t>& plane, int y, const Columns& columns,
-            const std::array<Columns, 2>& inside, std::vector<uint8_t>& out);
+  /// `rows`: where the seven rows begin that blur into this one.
+  void blur(const std::vector<uint8_t>& plane, const std::array<size_t, 7>& rows,
+            const Columns& columns, const std::array<Columns, 2>& inside,
+            std::vector<uint8_t>& out);
   tile::Look look_of(const TilePaint& paint) const;
   void fill_hatch(float fill_opacity);
 

@@ -79,34 +79,42 @@ struct Runs {
 };
 
 #ifdef __AVX2__
-/// classify() of the whole 32s of a row; returns how many pixels those are.
-inline int classify32(const float* object, const float* scene, float factor, U8* mask, U8* hidden,
-                      U8* columns, int n, Runs& runs, bool& behind_any) {
+/// classify() of a row of at least 32 pixels. Tells whether anything is behind the scene.
+inline bool classify32(const float* object, const float* scene, float factor, U8* mask, U8* hidden,
+                       U8* columns, int n, Runs& runs) {
   const __m256 zero = _mm256_setzero_ps();
   const __m256 scale = _mm256_set1_ps(factor);
   __m256i any_hidden = _mm256_setzero_si256();
-  int x = 0;
-  for (; x + 32 <= n; x += 32) {
-    __m256i in[4], out[4];
+  // The last step overlaps the one before it; what it tells anew is shifted out.
+  for (int begin = 0; begin < n; begin += 32) {
+    const int x = begin + 32 <= n ? begin : n - 32;
+    __m256 z[4];
+    __m256i in[4];
     for (int k = 0; k < 4; ++k) {
-      const __m256 z = _mm256_loadu_ps(object + x + 8 * k);
-      in[k] = _mm256_castps_si256(_mm256_cmp_ps(z, zero, _CMP_GT_OQ));
-      out[k] = _mm256_setzero_si256();
-      if (scene == nullptr) continue;
-      const __m256 nearer =
-          _mm256_cmp_ps(_mm256_loadu_ps(scene + x + 8 * k), _mm256_mul_ps(z, scale), _CMP_GT_OQ);
-      out[k] = _mm256_and_si256(in[k], _mm256_castps_si256(nearer));
+      z[k] = _mm256_loadu_ps(object + x + 8 * k);
+      in[k] = _mm256_castps_si256(_mm256_cmp_ps(z[k], zero, _CMP_GT_OQ));
     }
     const __m256i inside = packed(in[0], in[1], in[2], in[3]);
-    const __m256i behind = packed(out[0], out[1], out[2], out[3]);
+    const auto covered = static_cast<unsigned>(_mm256_movemask_epi8(inside));
     store_bytes(mask + x, inside);
+    runs.add(covered >> (begin - x), begin);
+    if (covered == 0 || scene == nullptr) {
+      store_bytes(hidden + x, _mm256_setzero_si256());
+      if (covered != 0) store_bytes(columns + x, _mm256_or_si256(load_bytes(columns + x), inside));
+      continue;
+    }
+    __m256i nearer[4];
+    for (int k = 0; k < 4; ++k) {
+      nearer[k] = _mm256_castps_si256(_mm256_cmp_ps(_mm256_loadu_ps(scene + x + 8 * k),
+                                                    _mm256_mul_ps(z[k], scale), _CMP_GT_OQ));
+    }
+    const __m256i behind =
+        _mm256_and_si256(inside, packed(nearer[0], nearer[1], nearer[2], nearer[3]));
     store_bytes(hidden + x, behind);
     store_bytes(columns + x, _mm256_or_si256(load_bytes(columns + x), inside));
     any_hidden = _mm256_or_si256(any_hidden, behind);
-    runs.add(static_cast<unsigned>(_mm256_movemask_epi8(inside)), x);
   }
-  behind_any = _mm256_testz_si256(any_hidden, any_hidden) == 0;
-  return x;
+  return _mm256_testz_si256(any_hidden, any_hidden) == 0;
 }
 #endif
 
@@ -137,15 +145,14 @@ bool classify_rest(const float* __restrict object, const float* __restrict scene
 Covered classify(const float* object, const float* scene, float factor, U8* mask, U8* hidden,
                  U8* columns, int n) {
   Runs runs;
-  bool behind = false;
-  int x = 0;
 #ifdef __AVX2__
-  x = classify32(object, scene, factor, mask, hidden, columns, n, runs, behind);
+  if (n >= 32) {
+    const bool hides = classify32(object, scene, factor, mask, hidden, columns, n, runs);
+    return runs.result(hides);
+  }
 #endif
-  if (classify_rest(object + x, scene == nullptr ? nullptr : scene + x, factor, mask + x,
-                    hidden + x, columns + x, n - x))
-    behind = true;
-  for (; x < n; x += 32) {
+  const bool behind = classify_rest(object, scene, factor, mask, hidden, columns, n);
+  for (int x = 0; x < n; x += 32) {
     const int count = n - x < 32 ? n - x : 32;
     unsigned covered = 0;
     for (int k = 0; k < count; ++k) covered |= static_cast<unsigned>(mask[x + k] & 1) << k;
@@ -193,12 +200,12 @@ void dash(float first_dx, float dy, float dashes, U8* __restrict out, int n) {
 
 /// Pointers are parameters: only there does g++ take `restrict` at its word.
 template <bool kOwn>
-inline void compose_row(const Look look, const U8* __restrict mask, const U8* __restrict hidden,
-                        const U8* __restrict blurred, const U8* __restrict blurred_hidden,
-                        const U8* __restrict shade, const U8* __restrict dashes,
-                        const U8* __restrict hatch, const U8* __restrict own_luma,
-                        U8* __restrict luma, U8* __restrict alpha, U8* __restrict visible_ink,
-                        U8* __restrict xray_ink, U8* __restrict own_ink, int n) {
+[[gnu::always_inline]] inline void compose_row(
+    const Look look, const U8* __restrict mask, const U8* __restrict hidden,
+    const U8* __restrict blurred, const U8* __restrict blurred_hidden, const U8* __restrict shade,
+    const U8* __restrict dashes, const U8* __restrict hatch, const U8* __restrict own_luma,
+    U8* __restrict luma, U8* __restrict alpha, U8* __restrict visible_ink, U8* __restrict xray_ink,
+    U8* __restrict own_ink, int n) {
   const Ramp outline = look.outline;
   const Ramp halo = look.halo;
   const U16 solid = look.dash_visible ? 0 : 255;
@@ -293,9 +300,17 @@ void compose_blocks(const Look& look, const RowIn& in, const RowOut& to, int n) 
                            to.alpha + x, to.visible_ink + x, to.xray_ink + x, own_ink, kBlock);
     } else {
       if (in.dashes > 0) dash(in.first_dx + static_cast<float>(x), in.dy, in.dashes, dashes, count);
-      compose_row<kOwn>(look, in.mask + x, in.hidden + x, in.blurred + x, in.blurred_hidden + x,
-                        in.shade + x, dashes, in.hatch + x, own_luma, to.luma + x, to.alpha + x,
-                        to.visible_ink + x, to.xray_ink + x, own_ink, count);
+      const auto all = [&](int pixels) [[gnu::always_inline]] {
+        compose_row<kOwn>(look, in.mask + x, in.hidden + x, in.blurred + x, in.blurred_hidden + x,
+                          in.shade + x, dashes, in.hatch + x, own_luma, to.luma + x, to.alpha + x,
+                          to.visible_ink + x, to.xray_ink + x, own_ink, pixels);
+      };
+      // A constant number needs no loop for what is left over.
+      if (whole) {
+        all(kBlock);
+      } else {
+        all(count);
+      }
     }
   }
 }

@@ -138,6 +138,76 @@ TEST(TileCompositor, AnEmptyTilePaintsNothing) {
 }
 
 /// Random inputs through both builds of the kernels.
+/// What the compositor leaves out, because it is deep inside or far outside, is what the kernels
+/// make of the whole rows: rings, bars and dots of all sizes, some of them hidden.
+TEST(TileCompositor, ShortcutsChangeNothing) {
+  std::mt19937 random(99);
+  const auto dice = [&](int low, int high) {
+    return low + static_cast<int>(random() % static_cast<unsigned>(high - low + 1));
+  };
+  const tile::Kernels& kernels = tile::kScalarKernels;
+  TileCompositor compositor(640, 480);
+  for (int round = 0; round < 40; ++round) {
+    const int width = 2 * dice(8, 170), height = 2 * dice(8, 60);
+    RasterTile tile, hiders;
+    for (RasterTile* each : {&tile, &hiders}) each->reset({40, 30, width, height});
+    for (int shape = dice(1, 6); shape > 0; --shape) {
+      const int x = dice(4, width - 5), y = dice(4, height - 5), outer = dice(1, width / 2);
+      const int inner = dice(0, 1) * dice(0, outer);
+      for (int py = 4; py < height - 4; ++py) {
+        for (int px = 4; px < width - 4; ++px) {
+          const double r = std::hypot(px - x, py - y);
+          if (r <= outer && r >= inner) tile.inverse_depth(py)[px] = 1;
+        }
+      }
+    }
+    const int wall = dice(-width, width);
+    for (int y = 0; y < height; ++y) {
+      for (int x = 0; x < width; ++x) {
+        tile.shade(y)[x] = static_cast<uint8_t>((3 * x + 5 * y) & 255);
+        if (x < wall) hiders.inverse_depth(y)[x] = 2;
+      }
+    }
+    if (compositor.classify(tile, hiders, 1.01f).bounds.empty()) continue;
+    const TilePaint wanted = paint(0.4f, 3);
+    const OverlayTileView view = compositor.compose(tile, wanted);
+    // The same from whole rows, but for hatching, which is the compositor's own.
+    const auto n = static_cast<size_t>(width);
+    const auto mask_at = [&](int px, int py) {
+      return px >= 0 && py >= 0 && px < width && py < height && tile.inverse_depth(py)[px] > 0;
+    };
+    for (int y = view.y - 30; y < view.y - 30 + view.luma.height; ++y) {
+      std::vector<uint16_t> sums(n + 6, 0);
+      std::array<std::vector<uint8_t>, 7> rows;
+      std::array<const uint8_t*, 7> pointers;
+      for (size_t k = 0; k < 7; ++k) {
+        rows[k].resize(n);
+        for (int x = 0; x < width; ++x)
+          rows[k][static_cast<size_t>(x)] = mask_at(x, y + static_cast<int>(k) - 3) ? 255 : 0;
+        pointers[k] = rows[k].data();
+      }
+      std::vector<uint8_t> blurred(n);
+      kernels.blur_down(pointers, sums.data() + 3, width);
+      kernels.blur_along(sums.data(), blurred.data(), width);
+      for (int x = view.x - 40; x < view.x - 40 + view.luma.width; ++x) {
+        const int alpha = view.alpha.row(y - (view.y - 30))[x - (view.x - 40)];
+        const int soft = blurred[static_cast<size_t>(x)];
+        const bool hides = x < wall;
+        if (soft == 0) {
+          ASSERT_EQ(alpha, 0) << round << ": " << x << ", " << y;
+        } else if (soft == tile::kInside && !hides) {
+          ASSERT_EQ(alpha, 102) << round << ": " << x << ", " << y;
+        } else if (soft > 90 && soft < 150 && std::abs(x - wall) > 4 && !hides) {
+          ASSERT_GT(alpha, 240) << round << ": " << x << ", " << y;
+        } else if (soft == tile::kInside) {
+          ASSERT_TRUE(alpha >= 20 && alpha <= 90)
+              << round << ": " << x << ", " << y << " " << alpha;
+        }
+      }
+    }
+  }
+}
+
 TEST(TileKernels, ScalarAndAvx2AreBitIdentical) {
 #ifndef SIGHTLINE_X86_64
   GTEST_SKIP() << "not an x86-64 build";

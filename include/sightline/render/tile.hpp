@@ -30,8 +30,10 @@ class RasterTile {
   const TileRect& rect() const { return rect_; }
   int width() const { return rect_.width; }
   int height() const { return rect_.height; }
-  /// Elements from row to row of both planes: a multiple of 8, at least width().
+  /// Elements from row to row of all planes: a multiple of 8, at least width().
   size_t stride() const { return stride_; }
+  /// So many elements past the last row may be read; they have no meaning.
+  static constexpr size_t kSlack = 64;
 
   /// Row `y` of the tile (0 .. height() - 1): 1/z [1/m], 0 where empty. Values between width() and
   /// stride() have no meaning.
