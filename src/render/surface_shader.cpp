@@ -72,12 +72,16 @@ float rough_log2(float value) {
   return exponent + mantissa - 1;
 }
 
+/// What is no number is nothing.
 uint8_t to_byte(float value) {
-  return static_cast<uint8_t>(std::clamp(value, 0.0f, 255.0f) + 0.5f);
+  return static_cast<uint8_t>(value > 0 ? std::min(value, 255.0f) + 0.5f : 0.0f);
 }
 
 /// As the tile compositor lights a plain colour.
-int lit(int value, int rest, int light) { return rest + (((value - rest) * light + 128) >> 8); }
+uint8_t lit(Texel value, int rest, int light) {
+  const int lit = rest + (((static_cast<int>(value) - rest) * light + 128) >> 8);
+  return static_cast<uint8_t>(std::clamp(lit, 0, 255));
+}
 
 }  // namespace
 
@@ -129,7 +133,7 @@ struct SurfaceShader::View {
   const RenderMesh& mesh;
   Eigen::Matrix3d rotation;
   Eigen::Vector3d translation;
-  Eigen::Vector3d light;  ///< object's frame
+  Eigen::Vector3f light;  ///< object's frame
   bool smooth, textured;
 };
 
@@ -144,7 +148,7 @@ void SurfaceShader::run(const RenderMesh& mesh, const Rigid3& camera_from_object
   const View view{mesh,
                   rotation,
                   camera_from_object.translation,
-                  rotation.transpose() * Eigen::Vector3d(kLightX, kLightY, kLightZ),
+                  (rotation.transpose() * Eigen::Vector3d(kLightX, kLightY, kLightZ)).cast<float>(),
                   shading == Shading::kSmooth && !mesh.face_corner_normals.empty(),
                   textured};
   for (Face& face : faces_) face.number = RasterTile::kNoFace;
@@ -193,108 +197,109 @@ void SurfaceShader::set_up(const View& view, uint32_t number, float ray_x, float
     total += w.z();
   }
   // One at the origin, whose ray meets the face.
-  for (Eigen::Vector3d& w : weight) w /= total != 0 ? total : 1;
-  const auto sum = [&](double p, double q, double r) {
-    const Eigen::Vector3d s = p * weight[0] + q * weight[1] + r * weight[2];
-    return Linear{static_cast<float>(s.x()), static_cast<float>(s.y()), static_cast<float>(s.z())};
+  const double over = 1 / (total != 0 ? total : 1);
+  std::array<Eigen::Vector3f, 3> share;
+  for (size_t i = 0; i < 3; ++i) share[i] = (over * weight[i]).cast<float>();
+  const auto sum = [&](float p, float q, float r) {
+    const Eigen::Vector3f s = p * share[0] + q * share[1] + r * share[2];
+    return Linear{s.x(), s.y(), s.z()};
   };
   face.number = number;
   face.origin_x = ray_x;
   face.origin_y = ray_y;
   face.weight = sum(1, 1, 1);
   face.luminance = mesh.luminance[number];
-  const double side = volume > 0 ? -1 : 1;  // seen from behind, as in FacePlanes
-  face.flat = static_cast<float>(std::max(0.0, side * mesh.normal(number).dot(view.light)));
+  const float side = volume > 0 ? -1.0f : 1.0f;  // seen from behind, as in FacePlanes
+  const Eigen::Vector3f own(mesh.normal_x[number], mesh.normal_y[number], mesh.normal_z[number]);
+  face.flat = std::max(0.0f, side * own.dot(view.light));
   if (view.smooth) {
-    std::array<Eigen::Vector3d, 3> n;
+    std::array<Eigen::Vector3f, 3> n;
     for (size_t i = 0; i < 3; ++i)
-      n[i] = side * mesh.corner_normals[mesh.face_corner_normals[number][i]].cast<double>();
+      n[i] = side * mesh.corner_normals[mesh.face_corner_normals[number][i]];
     for (int k = 0; k < 3; ++k)
       face.normal[static_cast<size_t>(k)] = sum(n[0][k], n[1][k], n[2][k]);
     face.towards = sum(n[0].dot(view.light), n[1].dot(view.light), n[2].dot(view.light));
   }
   if (!view.textured) return;
   const FacePaint& paint = mesh.paint[number];
+  const auto& [p, q, r] = paint.places;
+  const auto& [a, b, c] = paint.colors;
   face.texture =
       paint.texture < 0 ? nullptr : mesh.textures[static_cast<size_t>(paint.texture)].get();
   if (face.texture != nullptr) {
-    for (int k = 0; k < 2; ++k) {
-      face.colors[static_cast<size_t>(k)] =
-          sum(double{paint.places[0][k]}, double{paint.places[1][k]}, double{paint.places[2][k]});
-    }
+    face.colors = {sum(p.x(), q.x(), r.x()), sum(p.y(), q.y(), r.y()), {}};
   } else {
-    face.colors = {sum(paint.colors[0].y, paint.colors[1].y, paint.colors[2].y),
-                   sum(paint.colors[0].u, paint.colors[1].u, paint.colors[2].u),
-                   sum(paint.colors[0].v, paint.colors[1].v, paint.colors[2].v)};
+    face.colors = {sum(a.y, b.y, c.y), sum(a.u, b.u, c.u), sum(a.v, b.v, c.v)};
   }
+}
+
+/// Cosine between the surface and the light, 0 where it looks away.
+float SurfaceShader::lambert_at(const Face& face, bool smooth, float dx, float dy) {
+  if (!smooth) return face.flat;
+  float square = 0;
+  for (const Linear& axis : face.normal) {
+    const float n = axis.at(dx, dy);
+    square += n * n;
+  }
+  // Normals that cancel one another say nothing.
+  if (!(square > 1e-12f)) return face.flat;
+  return std::min(std::max(0.0f, face.towards.at(dx, dy) / std::sqrt(square)), 1.0f);
+}
+
+/// The mesh's own colour. `right` and `down`: the rays of the pixels beside this one, from it.
+Texel SurfaceShader::color_at(const Face& face, float dx, float dy, const Eigen::Vector2f& right,
+                              const Eigen::Vector2f& down) {
+  const float weight = face.weight.at(dx, dy);
+  const float over = weight > 1e-6f ? 1 / weight : 1.0f;
+  const float x = face.colors[0].at(dx, dy) * over;
+  const float y = face.colors[1].at(dx, dy) * over;
+  if (face.texture == nullptr) {
+    const float z = face.colors[2].at(dx, dy) * over;
+    return Texel{to_byte(x)} | Texel{to_byte(y)} << 8 | Texel{to_byte(z)} << 16;
+  }
+  constexpr float kFarthest = 1e6f;
+  if (!(std::abs(x) < kFarthest && std::abs(y) < kFarthest))
+    return sample_texture(*face.texture, {0, 0}, {0, 0}, {0, 0});
+  // d(place) / d(ray) = (numerator' - place * weight') / weight.
+  const auto moved = [&](const Eigen::Vector2f& step) -> Eigen::Vector2f {
+    if (!(std::abs(step.x()) + std::abs(step.y()) < 1)) return Eigen::Vector2f::Zero();
+    const float less = face.weight.a * step.x() + face.weight.b * step.y();
+    return {(face.colors[0].a * step.x() + face.colors[0].b * step.y() - x * less) * over,
+            (face.colors[1].a * step.x() + face.colors[1].b * step.y() - y * less) * over};
+  };
+  return sample_texture(*face.texture, {x, y}, moved(right), moved(down));
 }
 
 void SurfaceShader::shade_row(const View& view, int y, RasterTile& tile) {
   const uint32_t* const numbers = tile.face(y);
   uint8_t* const shades = tile.shade(y);
   const int frame_y = tile.rect().y + y;
-  const float* const ray_x = rays_->x_row(frame_y) + tile.rect().x;
-  const float* const ray_y = rays_->y_row(frame_y) + tile.rect().x;
-  // A neighbour above or below for the size of a pixel; beyond the picture there is none.
-  const bool last_row = frame_y + 1 >= rays_->height();
-  const int down = last_row ? std::max(frame_y - 1, 0) : frame_y + 1;
-  const float* const next_x = rays_->x_row(down) + tile.rect().x;
-  const float* const next_y = rays_->y_row(down) + tile.rect().x;
-  uint8_t* const luma = view.textured ? planes_[0].data() + row(y) : nullptr;
-  uint8_t* const us = view.textured ? planes_[1].data() + row(y) : nullptr;
-  uint8_t* const vs = view.textured ? planes_[2].data() + row(y) : nullptr;
+  const auto ray = [&](int row_of_frame, int x) -> Eigen::Vector2f {
+    return {rays_->x_row(row_of_frame)[tile.rect().x + x],
+            rays_->y_row(row_of_frame)[tile.rect().x + x]};
+  };
+  // In the last row the one above tells the size of a pixel: beyond the picture there are no rays.
+  const int next = frame_y + 1 < rays_->height() ? frame_y + 1 : std::max(frame_y - 1, 0);
   const auto ambient = static_cast<float>(kAmbient);
   for (int x = 0; x < tile.width(); ++x) {
     const uint32_t number = numbers[x];
     if (number == RasterTile::kNoFace) continue;
+    const Eigen::Vector2f here = ray(frame_y, x);
     Face& face = faces_[number % kKept];
-    if (face.number != number) set_up(view, number, ray_x[x], ray_y[x], face);
-    const float dx = ray_x[x] - face.origin_x;
-    const float dy = ray_y[x] - face.origin_y;
-    float lambert = face.flat;
-    if (view.smooth) {
-      float square = 0;
-      for (const Linear& axis : face.normal) square += axis.at(dx, dy) * axis.at(dx, dy);
-      // Normals that cancel one another say nothing.
-      if (square > 1e-12f) lambert = std::max(0.0f, face.towards.at(dx, dy) / std::sqrt(square));
-    }
-    const float level = ambient + (1 - ambient) * std::min(lambert, 1.0f);
+    if (face.number != number) set_up(view, number, here.x(), here.y(), face);
+    const float dx = here.x() - face.origin_x, dy = here.y() - face.origin_y;
+    const float level = ambient + (1 - ambient) * lambert_at(face, view.smooth, dx, dy);
     if (!view.textured) {
       shades[x] = static_cast<uint8_t>(255.0f * level * face.luminance + 0.5f);
       continue;
     }
     shades[x] = static_cast<uint8_t>(255.0f * level + 0.5f);
     const int light = 80 + (175 * shades[x] >> 8);
-    const float over = 1 / face.weight.at(dx, dy);
-    int color_y, color_u, color_v;
-    if (face.texture != nullptr) {
-      const Eigen::Vector2f place(face.colors[0].at(dx, dy) * over,
-                                  face.colors[1].at(dx, dy) * over);
-      // d(place) / d(ray) = (numerator' - place * weight') / weight.
-      const Eigen::Vector2f by_x = Eigen::Vector2f(face.colors[0].a - place.x() * face.weight.a,
-                                                   face.colors[1].a - place.y() * face.weight.a) *
-                                   over;
-      const Eigen::Vector2f by_y = Eigen::Vector2f(face.colors[0].b - place.x() * face.weight.b,
-                                                   face.colors[1].b - place.y() * face.weight.b) *
-                                   over;
-      const auto step = [&](float to_x, float to_y) -> Eigen::Vector2f {
-        const float sx = to_x - ray_x[x], sy = to_y - ray_y[x];
-        if (!(std::abs(sx) + std::abs(sy) < 1)) return Eigen::Vector2f::Zero();
-        return by_x * sx + by_y * sy;
-      };
-      const Texel t = sample_texture(*face.texture, place, step(ray_x[x + 1], ray_y[x + 1]),
-                                     step(next_x[x], next_y[x]));
-      color_y = static_cast<int>(t & 255u);
-      color_u = static_cast<int>(t >> 8 & 255u);
-      color_v = static_cast<int>(t >> 16 & 255u);
-    } else {
-      color_y = to_byte(face.colors[0].at(dx, dy) * over);
-      color_u = to_byte(face.colors[1].at(dx, dy) * over);
-      color_v = to_byte(face.colors[2].at(dx, dy) * over);
-    }
-    luma[x] = static_cast<uint8_t>(std::clamp(lit(color_y, 16, light), 0, 255));
-    us[x] = static_cast<uint8_t>(std::clamp(lit(color_u, 128, light), 0, 255));
-    vs[x] = static_cast<uint8_t>(std::clamp(lit(color_v, 128, light), 0, 255));
+    const Texel color = color_at(face, dx, dy, ray(frame_y, x + 1) - here, ray(next, x) - here);
+    const size_t at = row(y) + static_cast<size_t>(x);
+    planes_[0][at] = lit(color & 255u, 16, light);
+    planes_[1][at] = lit(color >> 8 & 255u, 128, light);
+    planes_[2][at] = lit(color >> 16 & 255u, 128, light);
   }
 }
 

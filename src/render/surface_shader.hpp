@@ -59,6 +59,9 @@ class SurfaceShader {
   };
   struct View;
   void set_up(const View& view, uint32_t number, float ray_x, float ray_y, Face& face) const;
+  static float lambert_at(const Face& face, bool smooth, float dx, float dy);
+  static SurfaceTexture::Texel color_at(const Face& face, float dx, float dy,
+                                        const Eigen::Vector2f& right, const Eigen::Vector2f& down);
   void shade_row(const View& view, int y, RasterTile& tile);
   void repeat_frame_edge(const TileRect& rect);
   size_t row(int y) const { return static_cast<size_t>(y) * stride_; }
