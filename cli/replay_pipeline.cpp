@@ -98,6 +98,9 @@ Status ReplayPipeline::add_camera(const Installation& installation, const Record
   if (observes(config->role)) {
     SL_ASSIGN(camera.observer, CameraObserver::create(installation, rig_, camera.id));
   }
+  if (camera.observer) {
+    SL_ASSIGN(camera.learner, make_learner(installation, rig_, camera.id));
+  }
   const bool drawn = !outputs.video.empty() || !outputs.png.empty();
   if (drawn && streams(config->role)) {
     SL_ASSIGN(camera.renderer, make_renderer(installation, rig_, camera.id));
@@ -124,8 +127,24 @@ Status ReplayPipeline::step(const std::vector<FramePtr>& frames) {
   summary_.fuse_cpu_ms += cpu_ms() - searched;
   summary_.frames += frames.size();
   ++summary_.sets;
+  learn(frames);
   if (collector_) collect_points(frames);
   return draw(frames);
+}
+
+// After fusion, so that a frame is judged and drawn with its own pose.
+void ReplayPipeline::learn(const std::vector<FramePtr>& frames) {
+  const double start = cpu_ms();
+  for (const FramePtr& frame : frames) {
+    const auto& camera = cameras_[frame->info().camera.index()];
+    if (camera && camera->learner) camera->learner->step(*frame, tracks_);
+  }
+  summary_.learn_cpu_ms += cpu_ms() - start;
+}
+
+HiddenDepthPtr ReplayPipeline::hidden(size_t camera) const {
+  const auto& recorded = cameras_.at(camera);
+  return recorded && recorded->learner ? recorded->learner->hidden() : nullptr;
 }
 
 void ReplayPipeline::observe(const std::vector<FramePtr>& frames) {
@@ -207,7 +226,9 @@ Status ReplayPipeline::draw(const std::vector<FramePtr>& frames) {
 Status ReplayPipeline::draw_one(const Frame& frame, Camera& camera) {
   const auto picture = camera.pool->get();
   copy_i420(frame.i420(), picture->mutable_view());
-  camera.renderer->draw(picture->mutable_view(), frame.info().capture, tracks_, poses_);
+  const HiddenDepthPtr hidden = camera.learner ? camera.learner->hidden() : nullptr;
+  camera.renderer->draw(picture->mutable_view(), frame.info().capture, tracks_, poses_,
+                        {hidden.get()});
   if (collector_) {
     collector_->marks(camera.id, frame.info().capture, marks_);
     draw_point_marks(picture->mutable_view(), marks_, fit_depth_scale(marks_), kPointStyle);

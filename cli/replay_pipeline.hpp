@@ -29,6 +29,7 @@ struct ReplaySummary {
   double fuse_cpu_ms = 0;
   size_t searches = 0;  ///< times an object was looked for everywhere
   double search_cpu_ms = 0;
+  double learn_cpu_ms = 0;             ///< of what hides objects
   std::optional<PointSummary> points;  ///< if stereo points were asked for
 };
 
@@ -55,12 +56,15 @@ class ReplayPipeline {
   const Rig& rig() const { return rig_; }
   /// What is known now, one track per object.
   const std::vector<PoseTrackPtr>& tracks() const { return tracks_; }
+  /// What a camera of the recording has learned to hide the objects; null: nothing.
+  HiddenDepthPtr hidden(size_t camera) const;
 
  private:
   struct Camera {
     CameraId id;
     std::string name;
     std::unique_ptr<CameraObserver> observer;
+    std::unique_ptr<OcclusionLearner> learner;  // null: nothing is learned
     std::unique_ptr<CameraRenderer> renderer;
     std::unique_ptr<OverlayVideoWriter> video;
     std::unique_ptr<PicturePool> pool;
@@ -73,6 +77,7 @@ class ReplayPipeline {
   void observe(const std::vector<FramePtr>& frames);
   void search(const std::vector<FramePtr>& frames);
   Status fuse();
+  void learn(const std::vector<FramePtr>& frames);
   void collect_points(const std::vector<FramePtr>& frames);
   Status draw(const std::vector<FramePtr>& frames);
   Status draw_one(const Frame& frame, Camera& camera);

@@ -107,7 +107,11 @@ CameraUnit::CameraUnit(CameraParts parts, Registry& registry)
                            camera_labels(parts_.name))),
       capture_error_(registry.gauge("sightline_capture_error_seconds",
                                     "Bound on the error of the newest capture time; 0: not known",
-                                    camera_labels(parts_.name))) {
+                                    camera_labels(parts_.name))),
+      hidden_share_(
+          registry.gauge("sightline_hidden_share",
+                         "Share of the objects' pixels that something was learned to hide",
+                         camera_labels(parts_.name))) {
   signal_.set_rate(parts_.rate_hz);
 }
 
@@ -267,7 +271,16 @@ void CameraUnit::observe(std::stop_token stop, Heartbeat& heartbeat) {
     for (Observation& observation : observations_) {
       parts_.on_observation(std::move(observation));
     }
+    if (parts_.learner) learn(**frame);
   }
+}
+
+void CameraUnit::learn(const Frame& frame) {
+  parts_.board->read(observe_tracks_);
+  parts_.learner->step(frame, observe_tracks_);
+  hidden_.publish(parts_.learner->hidden());
+  const OcclusionLearner::Look& look = parts_.learner->look();
+  hidden_share_.set(look.cells > 0 ? static_cast<double>(look.hidden) / look.cells : 0);
 }
 
 void CameraUnit::draw(std::stop_token stop, Heartbeat& heartbeat) {
@@ -318,7 +331,9 @@ void CameraUnit::draw_one(const FramePtr& frame, CameraRenderer& renderer) {
   frame->copy_i420_to(picture->mutable_view());
   parts_.board->read(draw_tracks_);
   annotated_.frame = frame->info();
-  renderer.draw(picture->mutable_view(), frame->info().capture, draw_tracks_, annotated_.poses);
+  const HiddenDepthPtr hidden = hidden_.read();
+  renderer.draw(picture->mutable_view(), frame->info().capture, draw_tracks_, annotated_.poses,
+                {hidden.get()});
   annotated_.picture = std::move(picture);
   draw_seconds_.set(to_seconds(MonotonicClock::now() - start));
   parts_.output->accept(annotated_);

@@ -34,6 +34,7 @@ struct CameraParts {
   std::function<Result<std::unique_ptr<FrameSource>>()> open_source;
   bool reopen_when_stalled = true;  ///< a device that falls silent; false: a recording may pause
   std::unique_ptr<CameraObserver> observer;
+  std::unique_ptr<OcclusionLearner> learner;  ///< taught by what `observer` looks at; may be null
   std::unique_ptr<CameraRenderer> renderer;
   std::unique_ptr<NoSignalCard> card;  ///< what the stream shows without signal; null: nothing
   std::shared_ptr<StreamOutput> output;
@@ -80,6 +81,7 @@ class CameraUnit {
   void deliver(const FramePtr& frame);
   void measure(const FrameInfo& info);
   void observe(std::stop_token stop, Heartbeat& heartbeat);
+  void learn(const Frame& frame);
   void draw(std::stop_token stop, Heartbeat& heartbeat);
   void draw_one(const FramePtr& frame, CameraRenderer& renderer);
   void draw_no_signal(Time since);
@@ -93,12 +95,13 @@ class CameraUnit {
 
   CameraParts parts_;
   LatestSlot<FramePtr> observe_slot_, draw_slot_;
+  HiddenDepthSlot hidden_;
   PicturePool pictures_;
   SignalWatch signal_;
 
   Registry& registry_;
   Counter &frames_, &lost_, &damaged_, &reopened_, &observe_dropped_, &draw_dropped_;
-  Gauge &capture_age_, &draw_seconds_, &present_gauge_, &rate_, &capture_error_;
+  Gauge &capture_age_, &draw_seconds_, &present_gauge_, &rate_, &capture_error_, &hidden_share_;
 
   mutable std::mutex mutex_;  // guards the four below
   std::unique_ptr<CameraRenderer> next_renderer_;

@@ -91,6 +91,9 @@ Result<CameraParts> Daemon::prepare(const Installation& installation, const Rig&
   }
   if (options_.serve && installation.rtsp.enabled && streams(config.role)) {
     SL_ASSIGN(parts.renderer, make_renderer(installation, rig, id));
+    if (parts.observer) {
+      SL_ASSIGN(parts.learner, make_learner(installation, rig, id));
+    }
     parts.card = NoSignalCard::create(parts.width, parts.height, installation.render.font_file);
   }
   const bool payload = installation.record.enabled || !options_.record_to.empty();

@@ -3,6 +3,7 @@
 
 #include <numbers>
 
+#include "mesh_depth_renderer.hpp"
 #include "object_views.hpp"
 #include "sightline/base/log.hpp"
 #include "sightline/geometry/mesh_surface.hpp"
@@ -148,6 +149,19 @@ Result<std::unique_ptr<FiducialObserver>> make_observer(const Installation& inst
   FiducialOptions options = installation.observe;
   if (config.gamma > 0) options.gamma = config.gamma;
   return FiducialObserver::create(config.calibration, camera, std::move(objects), options);
+}
+
+Result<std::unique_ptr<OcclusionLearner>> make_learner(const Installation& installation,
+                                                       const Rig& rig, CameraId camera) {
+  if (!installation.scene.learn) return std::unique_ptr<OcclusionLearner>();
+  std::vector<HideableObject> objects;
+  for (const RigObject& object : rig.objects) {
+    objects.push_back({object.named.id, object.mesh->center.cast<double>(),
+                       static_cast<double>(object.mesh->radius),
+                       mesh_depth_renderer_factory(object.mesh)});
+  }
+  return OcclusionLearner::create(config_of(installation, camera).calibration, camera,
+                                  std::move(objects));
 }
 
 Result<std::unique_ptr<FreeView>> make_view(const Installation& installation, const Rig& rig,

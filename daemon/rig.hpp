@@ -10,6 +10,7 @@
 #include "sightline/model/pose_track.hpp"
 #include "sightline/observe/fiducial_observer.hpp"
 #include "sightline/observe/object_tracker.hpp"
+#include "sightline/observe/occlusion_learner.hpp"
 #include "sightline/render/camera_renderer.hpp"
 #include "sightline/render/mesh_levels.hpp"
 #include "sightline/render/ray_table.hpp"
@@ -53,6 +54,10 @@ Result<std::unique_ptr<FiducialObserver>> make_observer(const Installation& inst
 SceneDepth make_scene_depth(const Installation& installation, const Rig& rig, CameraId camera);
 Result<std::unique_ptr<CameraRenderer>> make_renderer(const Installation& installation,
                                                       const Rig& rig, CameraId camera);
+
+/// What learns the hidden parts of this camera's picture; null unless [scene] says so.
+Result<std::unique_ptr<OcclusionLearner>> make_learner(const Installation& installation,
+                                                       const Rig& rig, CameraId camera);
 
 Result<std::unique_ptr<FreeView>> make_view(const Installation& installation, const Rig& rig,
                                             const ViewConfig& view);

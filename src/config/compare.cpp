@@ -147,7 +147,8 @@ bool same_views(const std::vector<ViewConfig>& a, const std::vector<ViewConfig>&
 }
 
 bool same_scene(const SceneConfig& a, const SceneConfig& b) {
-  return a.meshes == b.meshes && a.meters_per_unit == b.meters_per_unit && a.content == b.content;
+  return a.meshes == b.meshes && a.meters_per_unit == b.meters_per_unit && a.content == b.content &&
+         a.learn == b.learn;
 }
 
 }  // namespace

@@ -487,6 +487,7 @@ void InstallationReader::read_scene() {
     }
     result_.scene.meters_per_unit = meters.value_or(1.0);
   }
+  SectionReader(*table, path_, files_).flag("learn", result_.scene.learn);
   table->finish();
 }
 

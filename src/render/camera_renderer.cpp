@@ -9,6 +9,7 @@
 
 #include "draw.hpp"
 #include "glyph_atlas.hpp"
+#include "hidden_tile.hpp"
 #include "marks.hpp"
 #include "sightline/base/check.hpp"
 #include "sightline/image/blend.hpp"
@@ -146,13 +147,15 @@ class CameraRenderer::Impl {
   }
 
   void draw(const Surface& surface, Time capture, std::span<const PoseTrackPtr> tracks,
-            std::vector<PoseAt>& poses) {
+            std::vector<PoseAt>& poses, const FrameHints& hints) {
     SL_CHECK(tracks.size() == objects.size(), "one track per object");
     SL_CHECK(surface.canvas.y.width == camera_.model.width() &&
                  surface.canvas.y.height == camera_.model.height(),
              "the picture has the camera's size");
     surface_ = &surface;
+    hints_ = hints;
     capture_ = capture;
+    gather_line_hiders();
     poses.resize(objects.size());
     order_.clear();
     for (size_t i = 0; i < objects.size(); ++i) {
@@ -164,6 +167,7 @@ class CameraRenderer::Impl {
     for (const size_t i : order_) draw_object(i, poses[i].estimate, tracks[i].get());
     draw_absent(poses);
     surface_ = nullptr;
+    hints_ = {};
     poses_ = {};
   }
 
@@ -292,8 +296,8 @@ class CameraRenderer::Impl {
     const Status drawn = rasterizer_->draw(mesh, subject.camera_from_object, tile_);
     SL_CHECK(drawn.has_value(), "a device's rasteriser does not fail");
     const TileCoverage coverage =
-        others_hide(subject) ? compositor_.classify(tile_, hiders_, subject.hide_factor)
-                             : compositor_.classify(tile_, scene_.get(), subject.hide_factor);
+        more_hides(subject) ? compositor_.classify(tile_, hiders_, subject.hide_factor)
+                            : compositor_.classify(tile_, scene_.get(), subject.hide_factor);
     if (coverage.bounds.empty() || (!style.fill && !style.outline)) return coverage;
     TilePaint paint;
     paint.color = subject.look.color;
@@ -312,9 +316,11 @@ class CameraRenderer::Impl {
     return style.fill && style.fill_kind == FillKind::kTextured && !subject.mesh.paint.empty();
   }
 
-  /// If other objects may hide this one: puts them and the scene into hiders_, over its tile.
-  bool others_hide(const Subject& subject) {
-    bool any = false;
+  /// If other objects or what was learned may hide this one: puts them and the scene into hiders_,
+  /// over its tile.
+  bool more_hides(const Subject& subject) {
+    bool any = hints_.hidden != nullptr;
+    if (any) start_hiders();
     for (const size_t i : order_) {
       if (&objects[i] == &subject.object) continue;
       const Subject other = subject_of(i, poses_[i].estimate);
@@ -329,14 +335,37 @@ class CameraRenderer::Impl {
   }
 
   void start_hiders() {
-    const TileRect& rect = tile_.rect();
-    hiders_.reset(rect);
-    if (scene_ == nullptr || scene_->empty()) return;
-    const int width = std::min(rect.width, scene_->width() - rect.x);
-    const int height = std::min(rect.height, scene_->height() - rect.y);
-    for (int y = 0; y < height; ++y) {
-      std::copy_n(scene_->row(rect.y + y) + rect.x, width, hiders_.inverse_depth(y));
+    hiders_.reset(tile_.rect());
+    add_scene(hiders_);
+  }
+
+  /// The static scene and what was learned of it, over the tile's rectangle.
+  void add_scene(RasterTile& tile) const {
+    const TileRect& rect = tile.rect();
+    if (scene_ != nullptr && !scene_->empty()) {
+      const int width = std::min(rect.width, scene_->width() - rect.x);
+      const int height = std::min(rect.height, scene_->height() - rect.y);
+      for (int y = 0; y < height; ++y) {
+        std::copy_n(scene_->row(rect.y + y) + rect.x, width, tile.inverse_depth(y));
+      }
     }
+    if (hints_.hidden != nullptr) add_hidden_depth(*hints_.hidden, tile);
+  }
+
+  /// Boxes and axes reach beyond the silhouette, so they have a tile of their own.
+  void gather_line_hiders() {
+    constexpr int kBeyond = 128;
+    line_hiders_ = scene_ != nullptr && !scene_->empty() ? &scene_->tile() : nullptr;
+    const bool lines = std::ranges::any_of(objects, [](const OverlayObject& object) {
+      return object.style.box3d || object.style.axes;
+    });
+    if (hints_.hidden == nullptr || !lines) return;
+    const TileRect rect =
+        rect_around(*hints_.hidden, kBeyond, rays_->even_width(), rays_->even_height());
+    if (rect.empty()) return;
+    around_.reset(rect);
+    add_scene(around_);
+    line_hiders_ = &around_;
   }
 
   void draw_lines(const Subject& subject) {
@@ -345,7 +374,7 @@ class CameraRenderer::Impl {
     if (style.wireframe && !tile_.rect().empty()) draw_wireframe(subject);
     if (style.box3d) {
       pieces_.clear();
-      marks::add_box(*rays_, scene_.get(), subject.hide_factor, subject.camera_from_object,
+      marks::add_box(*rays_, line_hiders_, subject.hide_factor, subject.camera_from_object,
                      mesh.min_corner.cast<double>(), mesh.max_corner.cast<double>(), pieces_);
       draw_with_halo(subject.look);
     }
@@ -425,7 +454,7 @@ class CameraRenderer::Impl {
     std::ranges::sort(order, [&](int a, int b) { return tip(a).z() > tip(b).z(); });
     for (const int axis : order) {
       pieces_.clear();
-      marks::add_line(*rays_, scene_.get(), subject.hide_factor, origin, tip(axis), 0, 0, pieces_);
+      marks::add_line(*rays_, line_hiders_, subject.hide_factor, origin, tip(axis), 0, 0, pieces_);
       marks::Look look = subject.look;
       look.color = look.xray_color = hues[static_cast<size_t>(axis)];
       draw_with_halo(look);
@@ -578,7 +607,8 @@ class CameraRenderer::Impl {
   const std::shared_ptr<const RayTable> rays_;
   const std::shared_ptr<const RasterDevice> device_;
   const std::unique_ptr<RasterBackend> rasterizer_;
-  RasterTile tile_, hiders_;
+  RasterTile tile_, hiders_, around_;
+  const RasterTile* line_hiders_ = nullptr;  ///< during draw() only; null: none
   SurfaceShader surfaces_;
   TileCompositor compositor_;
   std::vector<EdgeSegment> edges_;
@@ -591,6 +621,7 @@ class CameraRenderer::Impl {
 
   const Surface* surface_ = nullptr;  ///< during draw() only
   std::span<const PoseAt> poses_;     ///< during draw() only, by object
+  FrameHints hints_;                  ///< during draw() only
   Time capture_{};
 };
 
@@ -613,13 +644,15 @@ Result<std::unique_ptr<CameraRenderer>> CameraRenderer::create(
 }
 
 void CameraRenderer::draw(const MutableI420View& picture, Time capture,
-                          std::span<const PoseTrackPtr> tracks, std::vector<PoseAt>& poses_out) {
-  impl_->draw({draw::canvas_of(picture), &picture, nullptr}, capture, tracks, poses_out);
+                          std::span<const PoseTrackPtr> tracks, std::vector<PoseAt>& poses_out,
+                          const FrameHints& hints) {
+  impl_->draw({draw::canvas_of(picture), &picture, nullptr}, capture, tracks, poses_out, hints);
 }
 
 void CameraRenderer::draw(const MutableNv12View& picture, Time capture,
-                          std::span<const PoseTrackPtr> tracks, std::vector<PoseAt>& poses_out) {
-  impl_->draw({draw::canvas_of(picture), nullptr, &picture}, capture, tracks, poses_out);
+                          std::span<const PoseTrackPtr> tracks, std::vector<PoseAt>& poses_out,
+                          const FrameHints& hints) {
+  impl_->draw({draw::canvas_of(picture), nullptr, &picture}, capture, tracks, poses_out, hints);
 }
 
 CameraId CameraRenderer::camera() const { return impl_->id; }

@@ -150,8 +150,9 @@ class FreeView::Impl {
 
   void add_world_line(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
     const auto line = static_cast<uint32_t>(pieces_.segments.size());
-    marks::add_line(*rays_, scene_.get(), kSceneSlack, view_from_world_ * a, view_from_world_ * b,
-                    line, 0, pieces_);
+    const RasterTile* scene = scene_ != nullptr && !scene_->empty() ? &scene_->tile() : nullptr;
+    marks::add_line(*rays_, scene, kSceneSlack, view_from_world_ * a, view_from_world_ * b, line, 0,
+                    pieces_);
   }
 
   /// Corners of the picture at `depth` before the camera, in the world.

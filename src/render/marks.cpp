@@ -47,18 +47,17 @@ std::optional<Circle> sphere_circle(const CameraModel& model,
   return Circle{center->cast<float>(), static_cast<float>(farthest)};
 }
 
-void add_line(const RayTable& rays, const StaticDepth* scene, float factor,
+void add_line(const RayTable& rays, const RasterTile* hiders, float factor,
               const Eigen::Vector3d& start_in_camera, const Eigen::Vector3d& end_in_camera,
               uint32_t line, uint8_t flags, Pieces& out) {
-  const RasterTile* depth = scene != nullptr && !scene->empty() ? &scene->tile() : nullptr;
-  project_line(rays, start_in_camera, end_in_camera, line, depth, factor - 1, out.segments);
+  project_line(rays, start_in_camera, end_in_camera, line, hiders, factor - 1, out.segments);
   for (size_t i = out.flags.size(); i < out.segments.size(); ++i) {
     const uint8_t hidden = out.segments[i].visible ? uint8_t{0} : uint8_t{kBehindScene};
     out.flags.push_back(static_cast<uint8_t>(flags | hidden));
   }
 }
 
-void add_box(const RayTable& rays, const StaticDepth* scene, float factor,
+void add_box(const RayTable& rays, const RasterTile* hiders, float factor,
              const Rigid3& camera_from_object, const Eigen::Vector3d& low,
              const Eigen::Vector3d& high, Pieces& out) {
   const Eigen::Vector3d eye = camera_from_object.inverse().translation;
@@ -79,7 +78,7 @@ void add_box(const RayTable& rays, const StaticDepth* scene, float factor,
       Eigen::Vector3d end = start;
       end[axis] = high[axis];
       const bool near = inside || faces_us(second, second_high) || faces_us(third, third_high);
-      add_line(rays, scene, factor, camera_from_object * start, camera_from_object * end,
+      add_line(rays, hiders, factor, camera_from_object * start, camera_from_object * end,
                static_cast<uint32_t>(4 * axis + corner), near ? uint8_t{0} : uint8_t{kTurnedAway},
                out);
     }

@@ -54,15 +54,15 @@ struct Pieces {
   }
 };
 
-/// Appends a line in space (camera frame), kBehindScene where the scene's 1/z is `factor` times
-/// its own. `scene` may be null.
-void add_line(const RayTable& rays, const StaticDepth* scene, float factor,
+/// Appends a line in space (camera frame), kBehindScene where the hiders' 1/z is `factor`
+/// times its own. `hiders` may be null.
+void add_line(const RayTable& rays, const RasterTile* hiders, float factor,
               const Eigen::Vector3d& start_in_camera, const Eigen::Vector3d& end_in_camera,
               uint32_t line, uint8_t flags, Pieces& out);
 
 /// Appends the 12 edges of the axis-aligned box `low`..`high` of the object's frame; kTurnedAway if
 /// both faces of an edge look away from the camera.
-void add_box(const RayTable& rays, const StaticDepth* scene, float factor,
+void add_box(const RayTable& rays, const RasterTile* hiders, float factor,
              const Rigid3& camera_from_object, const Eigen::Vector3d& low,
              const Eigen::Vector3d& high, Pieces& out);
 

@@ -78,6 +78,7 @@ TEST(Compare, EachSectionAlone) {
     return compare(before, parsed(base_with(text)));
   };
   EXPECT_EQ(changes("[scene]\nmeshes = [\"a.obj\"]\n").summary(), "scene");
+  EXPECT_EQ(changes("[scene]\nlearn = true\n").summary(), "scene");
   EXPECT_EQ(changes("[overlay]\ndepth_tolerance = 0.1\n").summary(),
             "overlay backend, font and depth");
   EXPECT_EQ(changes("[overlay]\ncrease_deg = 20\n").summary(),

@@ -12,6 +12,7 @@
 #include "render/render_support.hpp"
 #include "sightline/calibrate/calibration_file.hpp"
 #include "sightline/geometry/mesh.hpp"
+#include "sightline/image/picture.hpp"
 #include "sightline/record/pose_log.hpp"
 #include "tile_compositor.hpp"
 
@@ -196,6 +197,51 @@ TEST(Occlusion, TheBorderKeepsStillWhereItCutsAWall) {
   const Eigen::Quaterniond steep(Eigen::AngleAxisd(0.9, Eigen::Vector3d::UnitY()));
   // Here the border itself is where the trembling surfaces meet: it moves by about a pixel.
   expect_stable("cutting a wall", tremble(scene, *scene.mesh, Rigid3(steep, {0, 0, 1.03})), 0.03);
+}
+
+std::shared_ptr<const Picture> overlay_of(const test::OverlayScene& scene,
+                                          const FrameHints& hints) {
+  const OverlayStyle style =
+      test::only({"outline", "fill", "wireframe", "box3d", "axes", "circle", "label"});
+  auto renderer = scene.try_renderer(style);
+  EXPECT_TRUE(renderer.has_value());
+  auto picture = std::make_shared<Picture>(320, 240);
+  const PoseTrackPtr track =
+      test::track_of({test::estimate_at(test::pose_at(0.02, 0.01, 0.8), TrackState::kTracking)});
+  std::vector<PoseAt> poses;
+  (*renderer)->draw(picture->mutable_view(), time_from_ns(test::kCapture), {&track, 1}, poses,
+                    hints);
+  return picture;
+}
+
+bool same_luma(const Picture& a, const Picture& b) {
+  for (int y = 0; y < a.height(); ++y) {
+    if (!std::equal(a.view().y.row(y), a.view().y.row(y) + a.width(), b.view().y.row(y)))
+      return false;
+  }
+  return true;
+}
+
+/// What was learned hides like a scene that was given, lines and marks included; and adds to it.
+TEST(Occlusion, WhatWasLearnedHidesLikeTheScene) {
+  HiddenDepth learned;
+  learned.width = 160;
+  learned.height = 120;
+  std::vector<float> given(320 * 240, 0.0f);
+  for (int y = 0; y < 120; ++y) {
+    for (int x = 0; x < 160; ++x) learned.inverse_depth.push_back(x >= 80 ? 2.0f : 0.0f);
+  }
+  for (size_t i = 0; i < given.size(); ++i) given[i] = i % 320 >= 160 ? 0.5f : 0.0f;
+  test::OverlayScene scene;
+  const auto bare = overlay_of(scene, {});
+  const auto by_hint = overlay_of(scene, {&learned});
+  scene.depth = StaticDepth::build(scene.rays, scene.camera.world_from_camera, {}, given);
+  const auto by_scene = overlay_of(scene, {});
+  EXPECT_FALSE(same_luma(*bare, *by_hint));
+  EXPECT_TRUE(same_luma(*by_scene, *by_hint));
+  EXPECT_TRUE(same_luma(*by_scene, *overlay_of(scene, {&learned})));
+  const HiddenDepth far_away{{}, 300, 300, 4, 4, std::vector<float>(16, 2.0f)};
+  EXPECT_TRUE(same_luma(*by_scene, *overlay_of(scene, {&far_away})));
 }
 
 TEST(Occlusion, ToleranceGrowsWithTheUncertainty) {

@@ -73,6 +73,7 @@ struct SceneConfig {
   std::vector<std::filesystem::path> meshes;
   double meters_per_unit = 1.0;
   uint64_t content = 0;  ///< hash of the files
+  bool learn = false;    ///< what hides objects is learned from the cameras as well
 };
 
 /// One free view; served as a stream of its own.

@@ -12,6 +12,7 @@
 #include "sightline/base/time.hpp"
 #include "sightline/geometry/camera_model.hpp"
 #include "sightline/image/planes.hpp"
+#include "sightline/model/hidden_depth.hpp"
 #include "sightline/model/pose_track.hpp"
 #include "sightline/render/overlay_style.hpp"
 #include "sightline/render/raster_device.hpp"
@@ -48,6 +49,11 @@ struct RenderOptions {
   double depth_tolerance_sigmas = 2.0;
 };
 
+/// What is known about one frame beside the poses; all of it may be null. Read during draw() only.
+struct FrameHints {
+  const HiddenDepth* hidden = nullptr;  ///< hides objects like the static scene
+};
+
 /// Draws the overlay of one camera: asks each track for the pose at the frame's own capture time,
 /// rasterises a tile around the object, compares it with the static scene, and blends marks and
 /// text in place. Work grows with the object, not with the frame. One thread at a time; after the
@@ -71,10 +77,10 @@ class CameraRenderer {
   /// `poses_out` with one entry per object in the same order; where there is no pose, `source` is
   /// kNone and `estimate` holds object, time and state only.
   void draw(const MutableI420View& picture, Time capture, std::span<const PoseTrackPtr> tracks,
-            std::vector<PoseAt>& poses_out);
+            std::vector<PoseAt>& poses_out, const FrameHints& hints = {});
   /// The same into NV12.
   void draw(const MutableNv12View& picture, Time capture, std::span<const PoseTrackPtr> tracks,
-            std::vector<PoseAt>& poses_out);
+            std::vector<PoseAt>& poses_out, const FrameHints& hints = {});
 
   CameraId camera() const;
   const std::vector<OverlayObject>& objects() const;
