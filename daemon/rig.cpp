@@ -32,17 +32,14 @@ Result<TriangleMesh> load_mesh(const std::filesystem::path& path, double meters_
   return read_mesh(path, options);
 }
 
-/// The mesh's own colours. A texture that cannot be read costs a warning and its colours.
+/// The mesh's own colours.
 Status load_paint(const ObjectDescription& description, RenderMesh& mesh) {
   MeshOptions options;
   options.meters_per_unit = description.meters_per_unit;
   SL_ASSIGN(const MeshSurface surface, read_mesh_surface(description.mesh, options));
   std::vector<std::shared_ptr<const SurfaceTexture>> textures;
-  for (const auto& path : surface.textures) {
-    const auto picture = read_picture(path);
-    if (!picture) log::warning("{}; its colours are not shown", picture.error().message());
-    textures.push_back(picture ? std::make_shared<const SurfaceTexture>((*picture)->view())
-                               : nullptr);
+  for (const auto& picture : surface_pictures(surface)) {
+    textures.push_back(picture ? std::make_shared<const SurfaceTexture>(picture->view()) : nullptr);
   }
   paint_mesh(surface, std::move(textures), mesh);
   if (mesh.paint.empty())

@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "sightline/base/log.hpp"
-#include "sightline/geometry/mesh_surface.hpp"
 #include "sightline/record/still_picture.hpp"
 
 namespace sightline {
@@ -64,16 +63,6 @@ Eigen::Vector3f patch_colour(const SurfaceTriangle& triangle, const Textures& te
   return count > 0 ? Eigen::Vector3f(sum / count) : colour_at(triangle, textures, a, b);
 }
 
-Textures load_textures(const MeshSurface& surface) {
-  Textures textures;
-  for (const auto& path : surface.textures) {
-    auto picture = read_picture(path);
-    if (!picture) log::warning("{}; its colours are not used", picture.error().message());
-    textures.push_back(picture ? *std::move(picture) : nullptr);
-  }
-  return textures;
-}
-
 double area_of(const SurfaceTriangle& triangle) {
   const Eigen::Vector3d u = (triangle.corners[1] - triangle.corners[0]).cast<double>();
   const Eigen::Vector3d v = (triangle.corners[2] - triangle.corners[0]).cast<double>();
@@ -91,12 +80,24 @@ bool one_colour(const std::vector<SurfaceSpot>& spots) {
 
 }  // namespace
 
+Textures surface_pictures(const MeshSurface& surface) {
+  Textures textures;
+  for (size_t i = 0; i < surface.textures.size(); ++i) {
+    const std::string& bytes = surface.embedded[i];
+    auto picture = bytes.empty() ? read_picture(surface.textures[i])
+                                 : parse_picture(bytes, surface.textures[i].string());
+    if (!picture) log::warning("{}; its colours are not used", picture.error().message());
+    textures.push_back(picture ? *std::move(picture) : nullptr);
+  }
+  return textures;
+}
+
 Result<std::vector<SurfaceSpot>> surface_spots(const std::filesystem::path& mesh,
                                                double meters_per_unit, size_t count) {
   MeshOptions options;
   options.meters_per_unit = meters_per_unit;
   SL_ASSIGN(const MeshSurface surface, read_mesh_surface(mesh, options));
-  const Textures textures = load_textures(surface);
+  const Textures textures = surface_pictures(surface);
   double total = 0;
   for (const SurfaceTriangle& triangle : surface.triangles) total += area_of(triangle);
   std::vector<SurfaceSpot> spots;

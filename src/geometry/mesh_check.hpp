@@ -27,7 +27,8 @@ Result<CheckedMesh> check_off(std::string_view text, const std::string& where);
 Result<CheckedMesh> check_ply(std::string_view content, const std::string& where);
 Result<CheckedMesh> check_stl(std::string_view content, const std::string& where);
 /// glTF 2 and GLB: buffers, views, accessors, primitives and the tree of nodes. Leaves geometry and
-/// base colours; skins, animations, textures and extensions are taken out.
+/// colours, of materials, vertices and base colour textures; skins, animations and extensions are
+/// taken out.
 Result<CheckedMesh> check_gltf(std::string_view text, const std::string& where);
 Result<CheckedMesh> check_glb(std::string_view content, const std::string& where);
 

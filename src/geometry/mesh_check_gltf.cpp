@@ -48,6 +48,10 @@ class GltfChecker {
     SL_RETURN_IF_ERROR(each("buffers", &GltfChecker::check_buffer));
     SL_RETURN_IF_ERROR(each("bufferViews", &GltfChecker::check_view));
     SL_RETURN_IF_ERROR(each("accessors", &GltfChecker::check_accessor));
+    if (!in_.value("images", Json::array()).empty())
+      SL_RETURN_IF_ERROR(each("images", &GltfChecker::check_image));
+    if (!in_.value("textures", Json::array()).empty())
+      SL_RETURN_IF_ERROR(each("textures", &GltfChecker::check_texture));
     SL_RETURN_IF_ERROR(each("materials", &GltfChecker::check_material));
     SL_RETURN_IF_ERROR(each("meshes", &GltfChecker::check_mesh));
     SL_RETURN_IF_ERROR(each("nodes", &GltfChecker::check_node));
@@ -153,22 +157,26 @@ class GltfChecker {
     (*kept)["uri"] = uri;
     if (uri.rfind("data:", 0) != 0)
       return {};  // a file of the folder; its size is checked on reading
-    const size_t comma = uri.find(";base64,");
-    if (comma == std::string::npos) return fault("{}: data that are not base64", name);
-    return check_base64(std::string_view(uri).substr(comma + 8), bytes, name);
+    SL_ASSIGN(const uint64_t held, base64_bytes(uri, name));
+    if (held != bytes) return fault("{}: {} bytes of base64 are not {}", name, held, bytes);
+    return {};
   }
 
-  Status check_base64(std::string_view data, uint64_t bytes, const std::string& name) const {
+  /// How many bytes a data URI holds.
+  Result<uint64_t> base64_bytes(std::string_view uri, const std::string& name) const {
+    const size_t comma = uri.find(";base64,");
+    if (comma == std::string::npos) return fault("{}: data that are not base64", name);
+    const std::string_view data = uri.substr(comma + 8);
     const bool letters = std::all_of(data.begin(), data.end(), [](char c) {
       return (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') ||
              c == '+' || c == '/' || c == '=';
     });
     const size_t padding = std::min<size_t>(2, data.size() - std::min(data.size(), data.find('=')));
     if (!letters || data.empty() || data.size() % 4 != 0 ||
-        data.find('=') < data.size() - padding || data.size() / 4 * 3 - padding != bytes) {
-      return fault("{}: {} letters of base64 are not {} bytes", name, data.size(), bytes);
+        data.find('=') < data.size() - padding) {
+      return fault("{}: {} letters that are not base64", name, data.size());
     }
-    return {};
+    return data.size() / 4 * 3 - padding;
   }
 
   Status check_view(const Json& view, const std::string& name, Json* kept) {
@@ -235,12 +243,49 @@ class GltfChecker {
     return 0;
   }
 
+  /// A picture in the folder, in a data URI or in a buffer view; assimp hands its bytes on unread.
+  /// One of another kind is no reason to refuse the mesh: it is named so that it will not be found.
+  Status check_image(const Json& image, const std::string& name, Json* kept) {
+    const Json uri = image.value("uri", Json());
+    const Json type = image.value("mimeType", Json());
+    if (uri.is_string()) {
+      const std::string text = uri.get<std::string>();
+      if (text.rfind("data:", 0) != 0 || base64_bytes(text, name)) (*kept)["uri"] = text;
+    } else if (type == "image/png" || type == "image/jpeg") {
+      SL_ASSIGN(const uint64_t view, index_into(image, "bufferView", "bufferViews", name));
+      *kept = {{"bufferView", view}, {"mimeType", type}};
+    }
+    if (kept->empty()) (*kept)["uri"] = name + " is of a kind that is not read";
+    return {};
+  }
+
+  /// Its filters and edges are not asked for. Without a source of a known kind it shows nothing.
+  Status check_texture(const Json& texture, const std::string& name, Json* kept) {
+    if (!texture.contains("source")) return {};
+    SL_ASSIGN(const uint64_t source, index_into(texture, "source", "images", name));
+    (*kept)["source"] = source;
+    return {};
+  }
+
+  /// By the first set of places, as they are: one that is moved by an extension is left out.
+  Status copy_base_texture(const Json& pbr, const std::string& name, Json* kept) const {
+    if (!pbr.contains("baseColorTexture")) return {};
+    const Json& texture = pbr["baseColorTexture"];
+    if (!texture.is_object()) return fault("{}: 'baseColorTexture' must be an object", name);
+    SL_ASSIGN(const uint64_t index, index_into(texture, "index", "textures", name));
+    SL_ASSIGN(const uint64_t places, whole_or(texture, "texCoord", 0, name));
+    if (places != 0 || texture.contains("extensions")) return {};
+    (*kept)["baseColorTexture"] = {{"index", index}};
+    return {};
+  }
+
   Status check_material(const Json& material, const std::string& name, Json* kept) {
     (*kept)["name"] = name;
     const Json pbr = material.value("pbrMetallicRoughness", Json::object());
     if (!pbr.is_object()) return fault("{}: 'pbrMetallicRoughness' must be an object", name);
     Json color = Json::object();
     SL_RETURN_IF_ERROR(copy_numbers(pbr, "baseColorFactor", 4, name, &color));
+    SL_RETURN_IF_ERROR(copy_base_texture(pbr, name, &color));
     (*kept)["pbrMetallicRoughness"] = std::move(color);
     return {};
   }
@@ -278,6 +323,7 @@ class GltfChecker {
           check_vectors(accessors_[normal], "NORMAL", accessors_[position].count, name));
       (*kept)["attributes"]["NORMAL"] = normal;
     }
+    SL_RETURN_IF_ERROR(copy_surface(attributes, accessors_[position].count, name, kept));
     uint64_t corners = accessors_[position].count;
     if (primitive.contains("indices")) {
       SL_ASSIGN(const uint64_t indices, index_into(primitive, "indices", "accessors", name));
@@ -292,6 +338,21 @@ class GltfChecker {
     if (primitive.contains("material")) {
       SL_ASSIGN(const uint64_t material, index_into(primitive, "material", "materials", name));
       (*kept)["material"] = material;
+    }
+    return {};
+  }
+
+  /// Places in the texture and colours of the vertices, of the kinds that are read.
+  Status copy_surface(const Json& attributes, uint64_t count, const std::string& name,
+                      Json* kept) const {
+    for (const char* const what : {"TEXCOORD_0", "COLOR_0"}) {
+      if (!attributes.contains(what)) continue;
+      SL_ASSIGN(const uint64_t index, index_into(attributes, what, "accessors", name));
+      const Accessor& a = accessors_[index];
+      if (a.count != count) return fault("{}: {} {} for {} vertices", name, a.count, what, count);
+      const bool is_place = std::string_view(what) == "TEXCOORD_0";
+      const bool known = is_place ? a.type == "VEC2" : a.type == "VEC4" || a.type == "VEC3";
+      if (known && a.component == 5126) (*kept)["attributes"][what] = index;
     }
     return {};
   }

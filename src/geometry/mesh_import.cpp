@@ -251,19 +251,31 @@ class SurfaceReader {
   }
 
  private:
-  // -1: none, embedded, or not beside the mesh.
+  // -1: none, or not beside the mesh.
   int texture_of(const aiMaterial* material) {
     aiString name;
     if (material == nullptr || material->GetTexture(aiTextureType_DIFFUSE, 0, &name) != AI_SUCCESS)
       return -1;
+    if (const aiTexture* const held = scene_.GetEmbeddedTexture(name.C_Str())) {
+      // Zero rows: the bytes of a picture file, so many.
+      if (held->mHeight != 0 || held->pcData == nullptr) return -1;
+      return index_of(directory_ / fmt::format("picture {} of the mesh", name.C_Str()),
+                      {reinterpret_cast<const char*>(held->pcData), held->mWidth});
+    }
     const std::filesystem::path relative = std::filesystem::path(name.C_Str()).lexically_normal();
     if (directory_.empty() || relative.empty() || relative.is_absolute() ||
         *relative.begin() == ".." || name.C_Str()[0] == '*')
       return -1;
-    const std::filesystem::path path = directory_ / relative;
+    return index_of(directory_ / relative, {});
+  }
+
+  int index_of(const std::filesystem::path& path, std::string_view bytes) {
     const auto known = std::find(out_.textures.begin(), out_.textures.end(), path);
     const auto index = static_cast<int>(known - out_.textures.begin());
-    if (known == out_.textures.end()) out_.textures.push_back(path);
+    if (known == out_.textures.end()) {
+      out_.textures.push_back(path);
+      out_.embedded.emplace_back(bytes);
+    }
     return index;
   }
 

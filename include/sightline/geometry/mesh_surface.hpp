@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <filesystem>
+#include <string>
 #include <vector>
 
 #include "sightline/base/result.hpp"
@@ -26,6 +27,9 @@ struct MeshSurface {
   std::vector<SurfaceTriangle> triangles;
   /// Pictures beside the mesh (in its folder or below), not checked to be any.
   std::vector<std::filesystem::path> textures;
+  /// For each of them its bytes where the mesh file itself holds it (glTF), under a made-up path;
+  /// else empty.
+  std::vector<std::string> embedded;
 };
 
 /// Reads materials, vertex colours and texture coordinates of a mesh that read_mesh() accepts.
