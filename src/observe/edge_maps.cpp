@@ -58,6 +58,13 @@ void EdgePicture::compute(const SmallPicture& picture) {
   thin();
 }
 
+void EdgePicture::keep_where(const std::vector<uint8_t>& near) {
+  for (size_t i = 0; i < bins_.size(); ++i) {
+    bins_[i] = near[i] != 0 ? bins_[i] : uint8_t{0};
+    magnitude_[i] = near[i] != 0 ? magnitude_[i] : 0.0f;
+  }
+}
+
 // Sobel, divided so that a ramp of one level per pixel has gradient one.
 void EdgePicture::find_gradients(const SmallPicture& picture) {
   for (size_t plane = 0; plane < 3; ++plane) {

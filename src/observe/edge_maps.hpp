@@ -34,6 +34,8 @@ inline int angle_bin(float angle) {
 class EdgePicture {
  public:
   void compute(const SmallPicture& picture);
+  /// Forgets the edges of all pixels where `near` is 0.
+  void keep_where(const std::vector<uint8_t>& near);
 
   int width() const { return width_; }
   int height() const { return height_; }

@@ -163,34 +163,8 @@ std::vector<JointPose> JointSearch::verify(size_t camera, std::span<const ScanHi
 
 JointPose JointSearch::climb(const JointPose& start, Spread spread, double turn, double shift,
                              int halvings) const {
-  const Eigen::Vector3d& center = bank_.model().center();
-  JointPose best{start.world_from_object, score(start.world_from_object, spread)};
-  for (int level = 0; level <= halvings; turn /= 2, shift /= 2, ++level) {
-    for (int round = 0; round < 4; ++round) {
-      bool moved = false;
-      for (int axis = 0; axis < 6; ++axis) {
-        for (const double sign : {1.0, -1.0}) {
-          Rigid3 next = best.world_from_object;
-          if (axis < 3) {
-            const Eigen::Vector3d fixed = next * center;
-            next.rotation =
-                next.rotation * Eigen::AngleAxisd(sign * turn, Eigen::Vector3d::Unit(axis));
-            next.rotation.normalize();
-            next.translation = fixed - next.rotation * center;
-          } else {
-            next.translation[axis - 3] += sign * shift;
-          }
-          const double value = score(next, spread);
-          if (value <= best.score) continue;
-          best = {next, value};
-          moved = true;
-          break;
-        }
-      }
-      if (!moved) break;
-    }
-  }
-  return best;
+  return climb_pose(start.world_from_object, bank_.model().center(), turn, shift, halvings,
+                    [&](const Rigid3& pose) { return score(pose, spread); });
 }
 
 void drop_alike(std::vector<JointPose>& poses, double distance, double angle) {

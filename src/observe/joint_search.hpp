@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Geometry>
 #include <array>
 #include <optional>
 #include <span>
@@ -60,7 +61,7 @@ class JointSearch {
   std::vector<JointPose> verify(size_t camera, std::span<const ScanHit> hits,
                                 const ScanRange& range, size_t most) const;
 
-  /// Steps in place and direction, halved until none helps.
+  /// climb_pose() on the joint score.
   JointPose climb(const JointPose& start, Spread spread, double turn, double shift,
                   int halvings) const;
 
@@ -72,6 +73,40 @@ class JointSearch {
   const TemplateBank& bank_;
   std::span<const SearchCamera> cameras_;
 };
+
+/// Steps in place [m] and direction [rad] about `center`, halved until none helps to a higher
+/// score.
+template <typename Score>
+JointPose climb_pose(const Rigid3& start, const Eigen::Vector3d& center, double turn, double shift,
+                     int halvings, const Score& score) {
+  JointPose best{start, score(start)};
+  for (int level = 0; level <= halvings; turn /= 2, shift /= 2, ++level) {
+    for (int round = 0; round < 4; ++round) {
+      bool moved = false;
+      for (int axis = 0; axis < 6; ++axis) {
+        for (const double sign : {1.0, -1.0}) {
+          Rigid3 next = best.world_from_object;
+          if (axis < 3) {
+            const Eigen::Vector3d fixed = next * center;
+            next.rotation =
+                next.rotation * Eigen::AngleAxisd(sign * turn, Eigen::Vector3d::Unit(axis));
+            next.rotation.normalize();
+            next.translation = fixed - next.rotation * center;
+          } else {
+            next.translation[axis - 3] += sign * shift;
+          }
+          const double value = score(next);
+          if (value <= best.score) continue;
+          best = {next, value};
+          moved = true;
+          break;
+        }
+      }
+      if (!moved) break;
+    }
+  }
+  return best;
+}
 
 /// Best first; drops what is within so much [m, rad] of a better one.
 void drop_alike(std::vector<JointPose>& poses, double distance, double angle);

@@ -13,17 +13,24 @@
 #include "detection_term.hpp"
 #include "joint_search.hpp"
 #include "pose_fit.hpp"
+#include "sightline/observe/background_model.hpp"
+#include "silhouette_search.hpp"
 #include "template_bank.hpp"
 
 namespace sightline {
 namespace {
 
 constexpr Duration kTogether = std::chrono::milliseconds(100);
-constexpr double kMapShrink = 4;        // picture pixels per pixel of the maps
-constexpr double kScaleStep = 1.25;     // between the distances that are tried
-constexpr double kLeastDiameter = 45;   // [px] smaller objects are not looked for
-constexpr double kMostOfPicture = 0.8;  // of its height
+constexpr double kMapShrink = 4;         // picture pixels per pixel of the maps
+constexpr double kScaleStep = 1.25;      // between the distances that are tried
+constexpr double kLeastDiameter = 45;    // [px] smaller objects are not looked for
+constexpr double kLeastSilhouette = 20;  // [px] the same by its silhouette
+constexpr double kMostOfPicture = 0.8;   // of its height
 constexpr size_t kVerified = 400, kClimbed = 60;
+constexpr size_t kSilhouettes = 16;  // of these, that are fitted
+constexpr size_t kFewerHits = 4;     // times, where only what is new is searched
+constexpr int kFullSearch = 3;       // of so many searches without success one goes everywhere
+constexpr int kNearForeground = 3;   // [half-size px] edges so near to what is new count
 constexpr double kScanReach = 7, kTurnedReach = 5;  // [half-size px]
 // What clutter gives: share of agreeing lines times unlikeness of the colours.
 constexpr double kClutterEvidence = 0.35;
@@ -37,6 +44,8 @@ struct Seen {
   FrameInfo info;
   SmallPicture picture;
   bool valid = false;
+  ForegroundMap foreground;
+  bool has_foreground = false;
 };
 
 struct Judged {
@@ -93,56 +102,41 @@ class ObjectDetector::Impl {
       : object_(object),
         options_(options),
         bank_(std::move(views)),
+        silhouettes_(bank_),
         cameras_(std::move(cameras)),
         seen_(cameras_.size()) {
     choose_scales();
     find_turns();
   }
 
-  void add_frame(CameraId camera, const Frame& frame) {
+  void add_frame(CameraId camera, const Frame& frame, const ForegroundMap* foreground) {
     for (size_t i = 0; i < cameras_.size(); ++i) {
-      if (cameras_[i].id == camera) remember(frame, i);
+      if (cameras_[i].id == camera) remember(frame, i, foreground);
     }
   }
 
   Detection detect() {
     Detection out;
-    if (!look(out.time)) return out;
-    const size_t seed = choose_seed();
+    const bool focused = failures_ % kFullSearch != kFullSearch - 1 && backgrounds_known();
+    if (!look(out.time, focused)) return out;
+    const size_t seed = choose_seed(focused);
     out.time = seen_[active_[seed]].info.capture;
     set_times(out.time);
-    const JointSearch search(bank_, search_cameras_);
-    ScanRange range;
-    range.scales = scales_[active_[seed]];
-    range.most = options_.scan_hits;
-    const auto hits = search.scan_camera(seed, range);
-    std::vector<JointPose> poses = search.verify(seed, hits, range, kVerified);
-    drop_alike(poses, 0.08 * bank_.model().radius(), 0.1);
-    for (JointPose& pose : poses) {
-      pose = search.climb(pose, JointSearch::Spread::kFar, 0.15, 0.25 * bank_.model().radius(), 2);
-    }
-    drop_alike(poses, 0.12 * bank_.model().radius(), 0.12);
-    if (poses.size() > kClimbed) poses.resize(kClimbed);
-    for (JointPose& pose : poses) {
-      pose = search.climb(pose, JointSearch::Spread::kNear, 0.08, 0.12 * bank_.model().radius(), 3);
-    }
-    drop_alike(poses, 0.12 * bank_.model().radius(), 0.12);
-    if (poses.size() > static_cast<size_t>(options_.refined)) {
-      poses.resize(static_cast<size_t>(options_.refined));
-    }
     std::vector<Judged> judged;
     const PoseFitter fitter(bank_.model(), fit_cameras_);
-    for (const JointPose& pose : poses) {
+    if (focused) add_silhouettes(fitter, judged);
+    for (const JointPose& pose : search_edges(seed, focused)) {
       judged.push_back(judge(fitter.fit(pose.world_from_object, Vector6::Zero(), kScanReach)));
     }
     add_turned(fitter, judged);
     decide(judged, out);
+    failures_ = out.poses.empty() ? failures_ + 1 : 0;
     return out;
   }
 
   Detection follow(const Detection& earlier) {
     Detection out;
-    if (earlier.poses.empty() || !look(out.time)) return out;
+    if (earlier.poses.empty() || !look(out.time, false)) return out;
     set_times(out.time);
     const PoseFitter fitter(bank_.model(), fit_cameras_);
     const JointSearch search(bank_, search_cameras_);
@@ -155,6 +149,9 @@ class ObjectDetector::Impl {
         const JointPose start{pose.world_from_object * Rigid3::exp(pose.twist * seconds), 0};
         JointPose moved = search.climb(start, JointSearch::Spread::kFar, 0.2, 0.35 * radius, 3);
         moved = search.climb(moved, JointSearch::Spread::kNear, 0.08, 0.12 * radius, 3);
+        judged.push_back(judge(fitter.fit(moved.world_from_object, pose.twist, kScanReach)));
+        if (silhouette_cameras_.empty()) continue;
+        moved = climb_silhouettes(start.world_from_object, 0.2, 0.35 * radius);
         judged.push_back(judge(fitter.fit(moved.world_from_object, pose.twist, kScanReach)));
       }
     }
@@ -177,6 +174,13 @@ class ObjectDetector::Impl {
       }
       if (options_.nearest > 0) nearest = options_.nearest;
       if (options_.farthest > 0) farthest = options_.farthest;
+      double smallest = lens.fx * diameter / kLeastSilhouette;
+      if (focus) {
+        const double usual = (*focus - camera.calibration.world_from_camera.translation).norm();
+        smallest = std::min(smallest, 1.7 * usual);
+      }
+      if (options_.farthest > 0) smallest = options_.farthest;
+      silhouette_reach_.push_back({nearest, std::max(nearest, smallest)});
       farthest = std::max(farthest, nearest);
       const double ratio = std::log(farthest / nearest) / std::log(kScaleStep);
       const int steps = std::clamp(static_cast<int>(std::ceil(ratio)), 1, 12);
@@ -235,7 +239,7 @@ class ObjectDetector::Impl {
     }
   }
 
-  void remember(const Frame& frame, size_t index) {
+  void remember(const Frame& frame, size_t index, const ForegroundMap* foreground) {
     const CameraModel& model = cameras_[index].calibration.model;
     Seen& seen = seen_[index];
     if (frame.info().status == FrameStatus::kDamaged || frame.info().width != model.width() ||
@@ -256,10 +260,22 @@ class ObjectDetector::Impl {
       }
     }
     seen.valid = true;
+    seen.has_foreground = foreground != nullptr && foreground->width == seen.picture.width &&
+                          foreground->height == seen.picture.height;
+    if (seen.has_foreground) seen.foreground = *foreground;
+  }
+
+  // As many cameras as are needed to believe a pose know their background.
+  bool backgrounds_known() const {
+    const auto known = std::count_if(seen_.begin(), seen_.end(), [](const Seen& seen) {
+      return seen.valid && seen.has_foreground;
+    });
+    return static_cast<size_t>(known) >= std::min<size_t>(2, cameras_.size());
   }
 
   // Edges of all cameras that take part; false without any. `newest`: capture of the newest.
-  bool look(Time& newest) {
+  // `focused`: those of the background are left out, where it is known.
+  bool look(Time& newest, bool focused) {
     active_.clear();
     newest = Time{};
     for (const Seen& seen : seen_) {
@@ -275,6 +291,14 @@ class ObjectDetector::Impl {
       const CalibratedCamera& camera = cameras_[active_[i]].calibration;
       const SmallPicture& picture = seen_[active_[i]].picture;
       edges_[i].compute(picture);
+      const ForegroundMap* foreground =
+          seen_[active_[i]].has_foreground ? &seen_[active_[i]].foreground : nullptr;
+      near_.resize(active_.size());
+      near_[i].clear();
+      if (focused && foreground != nullptr) {
+        spread_foreground(*foreground, near_[i]);
+        edges_[i].keep_where(near_[i]);
+      }
       SearchCamera& search = search_cameras_[i];
       search.camera = &camera;
       search.camera_from_world = camera.world_from_camera.inverse();
@@ -282,12 +306,130 @@ class ObjectDetector::Impl {
       for (int spread = 0; spread < SearchCamera::kSpreads; ++spread) {
         search.maps[static_cast<size_t>(spread)].compute(edges_[i], spread + 1, margin_);
       }
-      fit_cameras_[i] = {&camera, search.camera_from_world, &picture, &edges_[i], 0};
+      fit_cameras_[i] = {&camera, search.camera_from_world, &picture, &edges_[i], 0, foreground};
     }
+    find_silhouette_cameras();
     return !active_.empty();
   }
 
-  size_t choose_seed() { return next_seed_++ % active_.size(); }
+  void find_silhouette_cameras() {
+    silhouette_cameras_.clear();
+    for (const size_t i : active_) {
+      if (!seen_[i].has_foreground) continue;
+      const CalibratedCamera& camera = cameras_[i].calibration;
+      silhouette_cameras_.push_back({&camera,
+                                     camera.world_from_camera.inverse(),
+                                     &seen_[i].foreground,
+                                     silhouette_reach_[i][0],
+                                     silhouette_reach_[i][1],
+                                     {},
+                                     {}});
+      silhouette_cameras_.back().sum_up();
+    }
+    if (silhouette_cameras_.size() < std::min<size_t>(2, cameras_.size())) {
+      silhouette_cameras_.clear();
+    }
+  }
+
+  // Pixels that are not background, and those around them.
+  static void spread_foreground(const ForegroundMap& map, std::vector<uint8_t>& near) {
+    const auto width = static_cast<size_t>(map.width);
+    near.assign(map.classes.size(), 0);
+    for (int y = 0; y < map.height; ++y) {
+      const uint8_t* row = map.row(y);
+      for (int x = 0; x < map.width; ++x) {
+        if (row[x] == ForegroundMap::kBackground) continue;
+        const int top = std::max(0, y - kNearForeground);
+        const int bottom = std::min(map.height - 1, y + kNearForeground);
+        const int left = std::max(0, x - kNearForeground);
+        const int right = std::min(map.width - 1, x + kNearForeground);
+        for (int v = top; v <= bottom; ++v) {
+          uint8_t* to = near.data() + static_cast<size_t>(v) * width;
+          std::fill(to + left, to + right + 1, uint8_t{1});
+        }
+      }
+    }
+  }
+
+  // The next camera; where only what is new is searched, one that shows something.
+  size_t choose_seed(bool focused) {
+    for (size_t i = 0; focused && i < active_.size(); ++i) {
+      const Seen& seen = seen_[active_[next_seed_ % active_.size()]];
+      if (!seen.has_foreground || seen.foreground.share > 0) break;
+      ++next_seed_;
+    }
+    return next_seed_++ % active_.size();
+  }
+
+  // Where in the maps of the searched camera the middle of the object may be: on what is new.
+  std::vector<std::array<int, 2>> places_to_scan(size_t seed, const ScanRange& range) const {
+    const std::vector<uint8_t>& near = near_[seed];
+    if (near.empty()) return {};
+    const int width = edges_[seed].width(), height = edges_[seed].height();
+    const auto reach =
+        static_cast<int>(0.5 * bank_.model().radius() * static_cast<double>(range.scales.front()));
+    std::vector<std::array<int, 2>> rows(static_cast<size_t>(height / 2), {width / 2, 0});
+    for (int y = 0; y + 1 < height; ++y) {
+      const auto row = near.begin() + static_cast<ptrdiff_t>(y) * width;
+      const auto first = std::find(row, row + width, 1);
+      if (first == row + width) continue;
+      const auto last =
+          std::find(std::make_reverse_iterator(row + width), std::make_reverse_iterator(row), 1);
+      const int left = static_cast<int>(first - row) / 2 - reach;
+      const int right = static_cast<int>(last.base() - row) / 2 + reach + 1;
+      for (int v = std::max(0, y / 2 - reach); v <= std::min(height / 2 - 1, y / 2 + reach); ++v) {
+        auto& to = rows[static_cast<size_t>(v)];
+        to = {std::max(0, std::min(to[0], left)), std::min(width / 2, std::max(to[1], right))};
+      }
+    }
+    return rows;
+  }
+
+  // Poses whose outlines and creases find edges in all cameras, best first.
+  std::vector<JointPose> search_edges(size_t seed, bool focused) const {
+    const double radius = bank_.model().radius();
+    const JointSearch search(bank_, search_cameras_);
+    ScanRange range;
+    range.scales = scales_[active_[seed]];
+    range.most = focused ? options_.scan_hits / kFewerHits : options_.scan_hits;
+    if (focused) range.rows = places_to_scan(seed, range);
+    const auto hits = search.scan_camera(seed, range);
+    std::vector<JointPose> poses = search.verify(seed, hits, range, kVerified);
+    drop_alike(poses, 0.08 * radius, 0.1);
+    for (JointPose& pose : poses) {
+      pose = search.climb(pose, JointSearch::Spread::kFar, 0.15, 0.25 * radius, 2);
+    }
+    drop_alike(poses, 0.12 * radius, 0.12);
+    if (poses.size() > kClimbed) poses.resize(kClimbed);
+    for (JointPose& pose : poses) {
+      pose = search.climb(pose, JointSearch::Spread::kNear, 0.08, 0.12 * radius, 3);
+    }
+    drop_alike(poses, 0.12 * radius, 0.12);
+    if (poses.size() > static_cast<size_t>(options_.refined)) {
+      poses.resize(static_cast<size_t>(options_.refined));
+    }
+    return poses;
+  }
+
+  JointPose climb_silhouettes(const Rigid3& start, double turn, double shift) const {
+    return climb_pose(start, bank_.model().center(), turn, shift, 3, [&](const Rigid3& pose) {
+      return silhouettes_.score(silhouette_cameras_, pose, 2);
+    });
+  }
+
+  // Each as it is and moved on to the edges.
+  void add_silhouettes(const PoseFitter& fitter, std::vector<Judged>& judged) const {
+    if (silhouette_cameras_.empty()) return;
+    const JointSearch search(bank_, search_cameras_);
+    const double radius = bank_.model().radius();
+    for (const JointPose& pose : silhouettes_.search(silhouette_cameras_, kSilhouettes)) {
+      const JointPose on_edges =
+          search.climb(pose, JointSearch::Spread::kNear, 0.08, 0.12 * radius, 3);
+      for (const Rigid3& start : {pose.world_from_object, on_edges.world_from_object}) {
+        judged.push_back(judge(fitter.fit(start, Vector6::Zero(), kScanReach)));
+      }
+    }
+  }
 
   void set_times(Time reference) {
     for (size_t i = 0; i < active_.size(); ++i) {
@@ -386,18 +528,23 @@ class ObjectDetector::Impl {
   const ObjectId object_;
   const DetectorOptions options_;
   const TemplateBank bank_;
+  const SilhouetteSearch silhouettes_;
   const std::vector<DetectorCamera> cameras_;
-  std::vector<std::vector<float>> scales_;  ///< by camera, [px/m of the maps]
+  std::vector<std::vector<float>> scales_;               ///< by camera, [px/m of the maps]
+  std::vector<std::array<double, 2>> silhouette_reach_;  ///< by camera, nearest and farthest [m]
   int margin_ = 0;
   std::vector<Eigen::Quaterniond> turns_;
   std::vector<Seen> seen_;
   size_t next_seed_ = 0;
+  int failures_ = 0;  ///< searches in a row that found nothing
 
   // Of the detection under way, by active camera.
   std::vector<size_t> active_;
   std::vector<EdgePicture> edges_;
   std::vector<SearchCamera> search_cameras_;
   std::vector<FitCamera> fit_cameras_;
+  std::vector<std::vector<uint8_t>> near_;            ///< what is new; empty: everything counts
+  std::vector<SilhouetteCamera> silhouette_cameras_;  ///< those that know their background
 };
 
 Result<std::unique_ptr<ObjectDetector>> ObjectDetector::create(
@@ -411,8 +558,9 @@ Result<std::unique_ptr<ObjectDetector>> ObjectDetector::create(
 ObjectDetector::ObjectDetector(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 ObjectDetector::~ObjectDetector() = default;
 
-void ObjectDetector::add_frame(CameraId camera, const Frame& frame) {
-  impl_->add_frame(camera, frame);
+void ObjectDetector::add_frame(CameraId camera, const Frame& frame,
+                               const ForegroundMap* foreground) {
+  impl_->add_frame(camera, frame, foreground);
 }
 Detection ObjectDetector::detect() { return impl_->detect(); }
 Detection ObjectDetector::follow(const Detection& earlier) { return impl_->follow(earlier); }

@@ -78,6 +78,45 @@ std::optional<double> best_edge(const EdgePicture& edges, const Seen& seen, doub
   return place;
 }
 
+// Distance to the nearest place along the normal where what is new ends.
+std::optional<double> foreground_border(const ForegroundMap& map, const Seen& seen, double reach) {
+  const auto at = [&](int s) {
+    const Eigen::Vector2d place = seen.pixel + s * seen.normal;
+    const int x = static_cast<int>(std::floor(place.x() + 0.5));
+    const int y = static_cast<int>(std::floor(place.y() + 0.5));
+    if (x < 0 || y < 0 || x >= map.width || y >= map.height)
+      return uint8_t{ForegroundMap::kUnknown};
+    return map.row(y)[x];
+  };
+  const int steps = static_cast<int>(reach);
+  for (int k = 0; k <= 2 * steps; ++k) {
+    const int s = k % 2 == 0 ? k / 2 : -(k + 1) / 2;
+    const uint8_t inner = at(s), outer = at(s + 1);
+    const bool is_new = inner == ForegroundMap::kForeground || inner == ForegroundMap::kShadow;
+    if (is_new && outer == ForegroundMap::kBackground) return s + 0.5;
+  }
+  return std::nullopt;
+}
+
+// Share of what is new.
+class Newness {
+ public:
+  void add(const ForegroundMap& map, const Eigen::Vector2d& place) {
+    const int x = static_cast<int>(std::floor(place.x() + 0.5));
+    const int y = static_cast<int>(std::floor(place.y() + 0.5));
+    if (x < 0 || y < 0 || x >= map.width || y >= map.height) return;
+    const uint8_t what = map.row(y)[x];
+    if (what == ForegroundMap::kUnknown) return;
+    sum_ += 0.5 * what;
+    ++count_;
+  }
+  double share() const { return count_ > 0 ? sum_ / count_ : 0; }
+
+ private:
+  double sum_ = 0;
+  int count_ = 0;
+};
+
 // Colours as a histogram; how unlike two are: 1 - Bhattacharyya coefficient.
 class Colours {
  public:
@@ -120,14 +159,17 @@ void PoseFitter::add_lines(const FitCamera& camera, const Rigid3& world_from_obj
   const View view = model_.view(model_.nearest(camera_from_object));
   const double step = 0.01 * model_.radius();
   out = CameraFit();
-  const auto add = [&](const Eigen::Vector3f& point, const Eigen::Vector3d& normal) {
+  const auto add = [&](const Eigen::Vector3f& point, const Eigen::Vector3d& normal, bool outline) {
     const Eigen::Vector3d at = point.cast<double>();
     const auto seen = see(camera.camera->model, camera_from_object, at, normal, step);
     if (!seen || seen->pixel.x() < 1 || seen->pixel.y() < 1 ||
         seen->pixel.x() > camera.edges->width() - 2 || seen->pixel.y() > camera.edges->height() - 2)
       return;
     ++out.lines;
-    const auto distance = best_edge(*camera.edges, *seen, reach);
+    auto distance = best_edge(*camera.edges, *seen, reach);
+    if (!distance && outline && camera.foreground != nullptr) {
+      distance = foreground_border(*camera.foreground, *seen, reach);
+    }
     if (!distance) return;
     if (std::abs(*distance) <= kAgrees) ++out.agreeing;
     Eigen::Matrix<double, 3, 6> by_tangent;
@@ -143,14 +185,14 @@ void PoseFitter::add_lines(const FitCamera& camera, const Rigid3& world_from_obj
     ++out.term.residuals;
   };
   for (size_t i = 0; i < view.contour.size(); i += kEveryLine) {
-    add(view.contour[i].point, view.contour[i].normal.cast<double>());
+    add(view.contour[i].point, view.contour[i].normal.cast<double>(), true);
   }
   for (size_t i = 0; i < view.edges.size(); i += kEveryLine) {
     // Across the tangent, in the picture plane.
     const Eigen::Vector3d along = rotation * view.edges[i].tangent.cast<double>();
     const Eigen::Vector3d across(-along.y(), along.x(), 0);
     if (across.norm() < 0.2) continue;
-    add(view.edges[i].point, rotation.transpose() * across.normalized());
+    add(view.edges[i].point, rotation.transpose() * across.normalized(), false);
   }
   out.term.quality = out.share();
 }
@@ -159,6 +201,11 @@ double PoseFitter::inside_outside(const FitCamera& camera, const Rigid3& world_f
   const Rigid3 camera_from_object = camera.camera_from_world * world_from_object;
   const View view = model_.view(model_.nearest(camera_from_object));
   Colours inside, outside;
+  Newness new_inside, new_outside;
+  const auto add = [&](const Eigen::Vector2d& place, Colours& colours, Newness& newness) {
+    colours.add(*camera.picture, place);
+    if (camera.foreground != nullptr) newness.add(*camera.foreground, place);
+  };
   for (size_t i = 0; i < view.contour.size(); i += kEveryLine) {
     const ContourSample& sample = view.contour[i];
     const double step = 0.01 * model_.radius();
@@ -170,14 +217,14 @@ double PoseFitter::inside_outside(const FitCamera& camera, const Rigid3& world_f
         camera.camera->model.parameters().fx / 2 / (camera_from_object * point).z();
     for (int s = 2; s < 2 + kColourSteps; ++s) {
       if (s < metre * static_cast<double>(sample.foreground)) {
-        inside.add(*camera.picture, seen->pixel - s * seen->normal);
+        add(seen->pixel - s * seen->normal, inside, new_inside);
       }
       if (s < metre * static_cast<double>(sample.background)) {
-        outside.add(*camera.picture, seen->pixel + s * seen->normal);
+        add(seen->pixel + s * seen->normal, outside, new_outside);
       }
     }
   }
-  return inside.unlike(outside);
+  return std::max(inside.unlike(outside), new_inside.share() - new_outside.share());
 }
 
 PoseFit PoseFitter::fit(const Rigid3& start, const Vector6& twist, double reach) const {

@@ -7,6 +7,7 @@
 #include "edge_maps.hpp"
 #include "sightline/geometry/camera_model.hpp"
 #include "sightline/model/pose_term.hpp"
+#include "sightline/observe/background_model.hpp"
 #include "sightline/observe/viewpoint_model.hpp"
 
 namespace sightline {
@@ -17,15 +18,18 @@ struct FitCamera {
   Rigid3 camera_from_world;
   const SmallPicture* picture = nullptr;
   const EdgePicture* edges = nullptr;
-  double seconds = 0;  ///< capture after the reference time
+  double seconds = 0;                         ///< capture after the reference time
+  const ForegroundMap* foreground = nullptr;  ///< of the picture's size; null: not known
 };
 
 /// What one camera says of a fitted pose.
 struct CameraFit {
-  int lines = 0;              ///< samples that project into the picture
-  int agreeing = 0;           ///< that have an edge of their direction close by
-  double inside_outside = 0;  ///< how unlike the colours on both sides of the outline are, 0..1
-  LinearizedTerm term;        ///< at this camera's own time; `cost` and `information` of the lines
+  int lines = 0;     ///< samples that project into the picture
+  int agreeing = 0;  ///< that have an edge of their direction close by
+  /// How unlike the two sides of the outline are, 0..1: in their colours, or in that one is new and
+  /// the other background.
+  double inside_outside = 0;
+  LinearizedTerm term;  ///< at this camera's own time; `cost` and `information` of the lines
   double share() const { return lines > 0 ? static_cast<double>(agreeing) / lines : 0; }
 };
 
@@ -39,8 +43,8 @@ struct PoseFit {
 
 /// Moves a pose and its twist onto the edges of all pictures: for every sample of the outline and
 /// of the creases the best edge along its normal, Gauss-Newton on the distances (Drummond and
-/// Cipolla, PAMI 2002), each camera at its own time. `reach` [half-size px]: how far the first step
-/// looks.
+/// Cipolla, PAMI 2002), each camera at its own time. Where the outline finds no edge, the border of
+/// what is new in the picture is one. `reach` [half-size px]: how far the first step looks.
 class PoseFitter {
  public:
   PoseFitter(const ViewpointModel& model, std::span<const FitCamera> cameras)

@@ -182,17 +182,23 @@ std::vector<ScanHit> scan(const TemplateBank& bank, const ResponseMaps& maps,
                     static_cast<int>(std::floor(x + 0.5f));
         }
         const std::span features(rows.data(), f.count);
+        int begin = 0;
         for (int y = 0; y < maps.height(); y += kRowStep) {
+          const auto [first, end] =
+              range.rows.empty() ? std::array{0, maps.width()} : range.rows[static_cast<size_t>(y)];
           const uint8_t threshold = hits.threshold();
-          if (sum_features(features, maps.width(), threshold, sums.data())) {
-            for (int x = 0; x < maps.width(); ++x) {
+          for (size_t i = 0; i < f.count; ++i) rows[i] += first - begin;
+          begin = first;
+          const int columns = end - first;
+          if (columns > 0 && sum_features(features, columns, threshold, sums.data())) {
+            for (int x = 0; x < columns; ++x) {
               const uint8_t sum = sums[static_cast<size_t>(x)];
               // Of a plateau its first place.
               if (sum < threshold || (x > 0 && sums[static_cast<size_t>(x) - 1] >= sum) ||
-                  (x + 1 < maps.width() && sums[static_cast<size_t>(x) + 1] > sum))
+                  (x + 1 < columns && sums[static_cast<size_t>(x) + 1] > sum))
                 continue;
               hits.add({sum, static_cast<uint16_t>(view), static_cast<uint16_t>(turn),
-                        static_cast<uint16_t>(scale), static_cast<int16_t>(x),
+                        static_cast<uint16_t>(scale), static_cast<int16_t>(first + x),
                         static_cast<int16_t>(y)});
             }
           }

@@ -65,6 +65,8 @@ struct ScanRange {
   int turns = 24;             ///< of the picture plane
   std::vector<float> scales;  ///< [px/m] of the maps
   size_t most = 4000;         ///< hits that are returned
+  /// For every row of the maps the columns [first, end) where the object may be; empty: everywhere.
+  std::vector<std::array<int, 2>> rows;
 };
 
 /// Tries every view, turn, scale and place. Best first.

@@ -14,6 +14,8 @@
 
 namespace sightline {
 
+struct ForegroundMap;
+
 struct DetectorOptions {
   /// Distances from a camera at which the object is looked for [m]; 0: from where the cameras look
   /// and how large the object is in their pictures.
@@ -56,12 +58,16 @@ struct Detection {
 };
 
 /// Finds one object anywhere in the pictures of a calibrated rig: from its mesh alone, without
-/// training, prior pose or background. Every view, turn, distance and place is tried in one camera
+/// training or prior pose. Every view, turn, distance and place is tried in one camera
 /// (a different one each time) on edge directions, the best in all cameras jointly; the best of
 /// those are fitted to the edges of all pictures, each at its own capture time with a common
 /// velocity, and judged by their edges and by how unlike the colours inside and outside of the
 /// outline are. The winner is compared with itself turned over, so that a symmetry comes out even
-/// if only one of its poses was found. docs/detection.md says more.
+/// if only one of its poses was found.
+///
+/// Where the cameras' backgrounds are known, poses whose silhouettes fit what is new in the
+/// pictures take part too, and the search for edges keeps to what is new; if that finds nothing,
+/// one search in three goes over everything. docs/detection.md says more.
 ///
 /// Passive; one thread at a time. The same frames give the same detections.
 class ObjectDetector {
@@ -75,11 +81,12 @@ class ObjectDetector {
 
   /// Remembers the frame at half size, in place of the camera's last one. About 0.1 ms. Frames of
   /// unknown cameras, damaged ones and those of another size are ignored. `camera` counts, not what
-  /// the frame says of it.
-  void add_frame(CameraId camera, const Frame& frame);
+  /// the frame says of it. `foreground`: what is new in this frame, of half its size; null: not
+  /// known.
+  void add_frame(CameraId camera, const Frame& frame, const ForegroundMap* foreground = nullptr);
 
   /// Looks for the object in the newest frames; pictures that are older than the newest one by more
-  /// than 100 ms do not take part. About 0.3 s of CPU.
+  /// than 100 ms do not take part. About 0.3 s of CPU, less where backgrounds are known.
   Detection detect();
 
   /// Moves accepted poses of an earlier detection to the newest frames and judges them again.

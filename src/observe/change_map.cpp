@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "change_map.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace sightline {
+namespace {
+
+constexpr float kUnit = 1.0f / 64;
+// Squared differences of three channels: noise gives 3, the mean of nine 3 +- 0.8.
+constexpr float kMost = 30;      // of one pixel
+constexpr float kAround = 7.5f;  // of the mean of nine
+constexpr float kOwn = 2.5f;     // of the pixel itself
+constexpr float kSpare = 0.02f;  // of the level: light is not all the same factor everywhere
+constexpr float kBright = 234;   // at and above, the level says no more
+constexpr float kDarkest = 0.35f, kBrightest = 0.97f;  // of a shadow
+constexpr float kSameColour = 9;                       // squared sigmas of both colours
+
+size_t index(int x, int y, int width) {
+  return static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x);
+}
+
+}  // namespace
+
+void ChangeMap::compare_row(const std::array<PlaneView, 3>& picture, const UsualPicture& usual,
+                            float light, int y, float* squares) const {
+  const size_t first = index(0, y, usual.width);
+  const uint8_t *luma = picture[0].row(y), *u = picture[1].row(y), *v = picture[2].row(y);
+  const int16_t *mean = usual.mean[0] + first, *mean_u = usual.mean[1] + first,
+                *mean_v = usual.mean[2] + first;
+  const int16_t *spread = usual.spread[0] + first, *spread_c = usual.spread[1] + first;
+  const auto least = static_cast<float>(usual.least_spread[0]);
+  const auto least_c = static_cast<float>(usual.least_spread[1]);
+  const float gain = light * kUnit;
+  const float black = kBlack * (1 - light), grey = kGrey * (1 - light);
+  const float scale = std::max(1.0f, light) * kUnit;
+  for (int x = 0; x < usual.width; ++x) {
+    const float expected = black + gain * static_cast<float>(mean[x]);
+    const float level = static_cast<float>(luma[x]);
+    const float dy = std::min(level, kBright) - std::min(expected, kBright);
+    const float du = static_cast<float>(u[x]) - (grey + gain * static_cast<float>(mean_u[x]));
+    const float dv = static_cast<float>(v[x]) - (grey + gain * static_cast<float>(mean_v[x]));
+    const float sy = scale * std::max(static_cast<float>(spread[x]), least) + kSpare * expected;
+    const float sc = scale * std::max(static_cast<float>(spread_c[x]), least_c);
+    const float square = dy * dy / (sy * sy) + (du * du + dv * dv) / (sc * sc);
+    squares[x] = std::min(square, kMost);
+  }
+}
+
+void ChangeMap::compute(const std::array<PlaneView, 3>& picture, const UsualPicture& usual,
+                        float light, ForegroundMap& out) {
+  const int width = usual.width, height = usual.height;
+  const size_t size = static_cast<size_t>(width) * static_cast<size_t>(height);
+  out.width = width;
+  out.height = height;
+  out.classes.resize(size);
+  squares_.resize(size);
+  columns_.resize(static_cast<size_t>(width));
+  raw_.assign(size, ForegroundMap::kBackground);
+  for (int y = 0; y < height; ++y) {
+    compare_row(picture, usual, light, y, squares_.data() + index(0, y, width));
+  }
+  const auto least_c = static_cast<float>(usual.least_spread[1]);
+  for (int y = 1; y + 1 < height; ++y) {
+    const float* here = squares_.data() + index(0, y, width);
+    for (int x = 0; x < width; ++x) {
+      columns_[static_cast<size_t>(x)] = here[x - width] + here[x] + here[x + width];
+    }
+    for (int x = 1; x + 1 < width; ++x) {
+      const auto k = static_cast<size_t>(x);
+      if (columns_[k - 1] + columns_[k] + columns_[k + 1] < 9 * kAround || here[x] < kOwn) continue;
+      const size_t i = index(x, y, width);
+      const float expected =
+          kBlack + light * (static_cast<float>(usual.mean[0][i]) * kUnit - kBlack);
+      const float ratio =
+          (static_cast<float>(picture[0].row(y)[x]) - kBlack) / std::max(1.0f, expected - kBlack);
+      uint8_t what = ForegroundMap::kForeground;
+      if (ratio > kDarkest && ratio < kBrightest) {
+        const float part = light * ratio;
+        const float du = static_cast<float>(picture[1].row(y)[x]) - kGrey -
+                         part * (static_cast<float>(usual.mean[1][i]) * kUnit - kGrey);
+        const float dv = static_cast<float>(picture[2].row(y)[x]) - kGrey -
+                         part * (static_cast<float>(usual.mean[2][i]) * kUnit - kGrey);
+        const float sc = kUnit * std::max(static_cast<float>(usual.spread[1][i]), least_c);
+        if (du * du + dv * dv < kSameColour * sc * sc) what = ForegroundMap::kShadow;
+      }
+      raw_[i] = what;
+    }
+  }
+  clean(out);
+  size_t known = 0, fresh = 0;
+  for (size_t i = 0; i < size; ++i) {
+    if (usual.unknown[i] != 0) {
+      out.classes[i] = ForegroundMap::kUnknown;
+      continue;
+    }
+    ++known;
+    fresh += out.classes[i] != ForegroundMap::kBackground;
+  }
+  out.share = known == 0 ? 0 : static_cast<double>(fresh) / static_cast<double>(known);
+}
+
+// Fills holes and drops specks: of a pixel and its neighbours the majority decides, five of nine.
+void ChangeMap::clean(ForegroundMap& out) {
+  const int width = out.width, height = out.height;
+  std::fill(out.classes.begin(), out.classes.end(), uint8_t{ForegroundMap::kBackground});
+  for (int y = 1; y + 1 < height; ++y) {
+    for (int x = 1; x + 1 < width; ++x) {
+      int any = 0, front = 0;
+      const uint8_t* middle = raw_.data() + index(x, y, width);
+      for (const int dy : {-width, 0, width}) {
+        for (int dx = -1; dx <= 1; ++dx) {
+          any += middle[dy + dx] != 0;
+          front += middle[dy + dx] == ForegroundMap::kForeground;
+        }
+      }
+      if (any < 5) continue;
+      out.classes[index(x, y, width)] =
+          2 * front >= any ? ForegroundMap::kForeground : ForegroundMap::kShadow;
+    }
+  }
+}
+
+}  // namespace sightline
