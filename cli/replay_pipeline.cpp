@@ -169,7 +169,7 @@ void ReplayPipeline::observe(const std::vector<FramePtr>& frames) {
 void ReplayPipeline::search(const std::vector<FramePtr>& frames) {
   for (const FramePtr& frame : frames) {
     const auto& camera = cameras_[frame->info().camera.index()];
-    if (camera && camera->observer) search_->add_frame(camera->id, *frame);
+    if (camera && camera->observer) search_->add_frame(camera->id, *frame, tracks_);
   }
   const Time now = frames.front()->info().capture;
   if (!search_->due(now, tracks_)) return;

@@ -70,6 +70,10 @@ Result<std::unique_ptr<ObjectSearch>> ObjectSearch::create(const Installation& i
     const CameraConfig& camera = installation.cameras[i];
     if (!observes(camera.role)) continue;
     cameras.push_back({CameraId(static_cast<uint32_t>(i)), camera.calibration});
+    if (!installation.detect.silhouettes) continue;
+    search->backgrounds_.resize(installation.cameras.size());
+    SL_ASSIGN(search->backgrounds_[i],
+              BackgroundModel::create(camera.calibration, installation.detect.background));
   }
   if (cameras.empty()) return std::unique_ptr<ObjectSearch>();
   for (const RigObject& object : rig.objects) {
@@ -78,6 +82,7 @@ Result<std::unique_ptr<ObjectSearch>> ObjectSearch::create(const Installation& i
     Wanted wanted;
     wanted.object = object.named.id;
     wanted.lookalikes = lookalikes_of(*views, object.description);
+    wanted.views = views;
     SL_ASSIGN(wanted.look, make_look(object, cameras));
     DetectorOptions options = installation.detect.detector;
     if (wanted.look) options.accept *= kWithColours;
@@ -90,7 +95,10 @@ Result<std::unique_ptr<ObjectSearch>> ObjectSearch::create(const Installation& i
 }
 
 bool ObjectSearch::due(const Wanted& wanted, Time now, std::span<const PoseTrackPtr> tracks) const {
-  if (wanted.searched && now - wanted.last < interval_) return false;
+  return !(wanted.searched && now - wanted.last < interval_) && missing(wanted, now, tracks);
+}
+
+bool ObjectSearch::missing(const Wanted& wanted, Time now, std::span<const PoseTrackPtr> tracks) {
   const size_t index = wanted.object.index();
   const PoseTrackPtr track = index < tracks.size() ? tracks[index] : nullptr;
   if (!track || track->empty()) return true;
@@ -104,9 +112,45 @@ bool ObjectSearch::due(Time now, std::span<const PoseTrackPtr> tracks) const {
                      [&](const Wanted& wanted) { return due(wanted, now, tracks); });
 }
 
-void ObjectSearch::add_frame(CameraId camera, const Frame& frame) {
+void ObjectSearch::find_known(Time time, std::span<const PoseTrackPtr> tracks, bool coasting) {
+  known_.clear();
+  for (const Wanted& wanted : wanted_) {
+    const size_t index = wanted.object.index();
+    if (index >= tracks.size() || !tracks[index]) continue;
+    const PoseAt at = tracks[index]->at(time);
+    if (at.source == PoseSource::kNone || !has_pose(at.estimate.state)) continue;
+    if (at.estimate.state == TrackState::kCoasting && !coasting) continue;
+    known_.push_back({wanted.views.get(), at.estimate.world_from_object});
+  }
+}
+
+bool ObjectSearch::learns(CameraId camera, Time capture) const {
+  const size_t index = camera.index();
+  return index < backgrounds_.size() && backgrounds_[index] && backgrounds_[index]->wants(capture);
+}
+
+void ObjectSearch::learn(CameraId camera, const Frame& frame,
+                         std::span<const PoseTrackPtr> tracks) {
+  const Time capture = frame.info().capture;
+  if (!learns(camera, capture)) return;
+  find_known(capture, tracks, true);
+  backgrounds_[camera.index()]->learn(frame, known_);
+}
+
+void ObjectSearch::add_frame(CameraId camera, const Frame& frame,
+                             std::span<const PoseTrackPtr> tracks) {
+  const Time capture = frame.info().capture;
+  learn(camera, frame, tracks);
+  const BackgroundModel* background =
+      camera.index() < backgrounds_.size() ? backgrounds_[camera.index()].get() : nullptr;
+  const bool wants = std::any_of(wanted_.begin(), wanted_.end(), [&](const Wanted& wanted) {
+    return missing(wanted, capture, tracks);
+  });
+  if (wants && background != nullptr) find_known(capture, tracks, false);
+  const bool is_known =
+      wants && background != nullptr && background->foreground(frame, known_, foreground_);
   for (Wanted& wanted : wanted_) {
-    wanted.detector->add_frame(camera, frame);
+    wanted.detector->add_frame(camera, frame, is_known ? &foreground_ : nullptr);
     if (wanted.look) wanted.look->add_frame(camera, frame);
   }
 }

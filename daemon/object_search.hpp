@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "rig.hpp"
+#include "sightline/observe/background_model.hpp"
 #include "sightline/observe/object_detector.hpp"
 #include "sightline/observe/surface_look.hpp"
 
@@ -24,8 +25,13 @@ class ObjectSearch {
 
   /// True if some object wants to be searched for at `now` (see search()). Cheap.
   bool due(Time now, std::span<const PoseTrackPtr> tracks) const;
-  /// Takes a frame of this camera; only the newest of each counts.
-  void add_frame(CameraId camera, const Frame& frame);
+  /// Takes a frame of this camera; only the newest of each counts. Learns the background from it if
+  /// that is due, and compares it with the background while an object is wanted.
+  void add_frame(CameraId camera, const Frame& frame, std::span<const PoseTrackPtr> tracks);
+  /// Learns from a frame that is not searched; learns() says whether one of this time would be
+  /// used. `known` objects are left out.
+  bool learns(CameraId camera, Time capture) const;
+  void learn(CameraId camera, const Frame& frame, std::span<const PoseTrackPtr> tracks);
   /// Searches for every object that is due: one without a pose, or coasting for longer than
   /// `kBlindAfter`, not searched for within the interval. The observations are at the capture times
   /// of the frames, in order of time.
@@ -39,6 +45,7 @@ class ObjectSearch {
  private:
   struct Wanted {
     ObjectId object;
+    std::shared_ptr<const ViewpointModel> views;
     std::unique_ptr<ObjectDetector> detector;
     std::unique_ptr<SurfaceLook> look;  ///< null: the mesh has no colours
     Lookalikes lookalikes;
@@ -48,10 +55,16 @@ class ObjectSearch {
   };
   ObjectSearch() = default;
   bool due(const Wanted& wanted, Time now, std::span<const PoseTrackPtr> tracks) const;
+  static bool missing(const Wanted& wanted, Time now, std::span<const PoseTrackPtr> tracks);
+  /// Objects whose place is known at a time; `coasting`: also those that are only predicted.
+  void find_known(Time time, std::span<const PoseTrackPtr> tracks, bool coasting);
 
   Duration interval_{};
   double accept_ = 0;
   std::vector<Wanted> wanted_;
+  std::vector<std::unique_ptr<BackgroundModel>> backgrounds_;  ///< by CameraId; null: none
+  std::vector<KnownObject> known_;
+  ForegroundMap foreground_;
 };
 
 }  // namespace sightline

@@ -36,11 +36,13 @@ SearchUnit::SearchUnit(std::unique_ptr<ObjectSearch> search, size_t cameras,
                                  "Times an object was looked for in whole pictures")),
       found_(registry.counter("sightline_searches_found_total", "Searches that found an object")),
       seconds_(registry.gauge("sightline_search_seconds", "Duration of the newest search")),
+      learns_(cameras),
       newest_(cameras) {}
 
 void SearchUnit::push(const FramePtr& frame) {
   const size_t index = frame->info().camera.index();
-  if (!wanted_ || frame->info().status == FrameStatus::kDamaged || index >= newest_.size()) return;
+  if (frame->info().status == FrameStatus::kDamaged || index >= newest_.size()) return;
+  if (!wanted_ && !learns_[index]) return;
   FramePtr replaced = frame;  // released outside the lock
   std::lock_guard lock(mutex_);
   newest_[index].swap(replaced);
@@ -57,7 +59,7 @@ void SearchUnit::run(std::stop_token stop, Heartbeat& heartbeat) {
     board_->read(tracks_);
     const bool due = search_->due(MonotonicClock::now(), tracks_);
     wanted_ = due;
-    if (!due) let_go();
+    if (!due) learn();
     if (due && take_frames()) search();
     wait(stop, kTurn);
   }
@@ -73,17 +75,25 @@ bool SearchUnit::take_frames() {
       frame.swap(newest_[i]);
     }
     if (!frame) continue;
-    search_->add_frame(CameraId(static_cast<uint32_t>(i)), *frame);
+    search_->add_frame(CameraId(static_cast<uint32_t>(i)), *frame, tracks_);
     any = true;
   }
   return any;
 }
 
-void SearchUnit::let_go() {
-  for (FramePtr& held : newest_) {
-    FramePtr released;
-    std::lock_guard lock(mutex_);
-    released.swap(held);
+void SearchUnit::learn() {
+  const Time now = MonotonicClock::now();
+  for (size_t i = 0; i < newest_.size(); ++i) {
+    const CameraId camera(static_cast<uint32_t>(i));
+    FramePtr frame;
+    {
+      std::lock_guard lock(mutex_);
+      frame.swap(newest_[i]);
+    }
+    if (frame && search_->learns(camera, frame->info().capture)) {
+      search_->learn(camera, *frame, tracks_);
+    }
+    learns_[i] = search_->learns(camera, now);
   }
 }
 

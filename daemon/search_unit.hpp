@@ -17,7 +17,8 @@
 namespace sightline {
 
 /// The thread ("find") that looks for objects whose place nobody knows, in the newest frame of each
-/// camera. While every object is known it holds no frame and costs nothing. Its results are late by
+/// camera. While every object is known it takes a frame of each camera now and then, to know the
+/// background, and holds none. Its results are late by
 /// the time that a search takes; the poses are taken on to the newest frames before they go out.
 class SearchUnit {
  public:
@@ -40,7 +41,8 @@ class SearchUnit {
   void run(std::stop_token stop, Heartbeat& heartbeat);
   /// Hands the newest frames to the search; false if there is none.
   bool take_frames();
-  void let_go();
+  /// Learns the background from the newest frames, where that is due, and lets go of them.
+  void learn();
   void search();
   void wait(std::stop_token stop, Duration duration);
 
@@ -50,7 +52,8 @@ class SearchUnit {
   Counter &searches_, &found_;
   Gauge& seconds_;
   std::atomic<bool> wanted_{true};
-  std::mutex mutex_;  // guards newest_
+  std::vector<std::atomic<bool>> learns_;  // by CameraId: a frame is wanted for the background
+  std::mutex mutex_;                       // guards newest_
   std::condition_variable_any never_;
   std::vector<FramePtr> newest_;  // by CameraId
   std::vector<PoseTrackPtr> tracks_;

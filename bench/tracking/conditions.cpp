@@ -178,6 +178,43 @@ void add_hiding(Maker& maker, Duration duration) {
   carton.start = Start::kCold;
 }
 
+// What the silhouettes of a known background are for: the room is seen for 0.8 s before the object
+// comes in.
+void add_entering(Maker& maker) {
+  const auto enter = [&](const std::string& name, const std::string& what,
+                         int cameras) -> Condition& {
+    Condition& c = maker.add("enter-" + name, "comes in: " + what, cameras, 60);
+    c.start = Start::kCold;
+    c.enters = milliseconds(800);
+    return c;
+  };
+  enter("usual", "two cameras", 2);
+  // The same room through wider lenses.
+  for (const double focal : {280.0, 180.0}) {
+    Condition& c = enter(fmt::format("{:.0f}px", 0.103 / 0.7 * focal),
+                         fmt::format("{:.0f} px large, two cameras", 0.103 / 0.7 * focal), 2);
+    c.rig.lens.fx = c.rig.lens.fy = focal;
+    c.rig.lens.distortion = {-0.02, 0.001, 0.0002, -0.0001, 0.0};
+  }
+  const auto alike = [](Condition& c, float similarity) {
+    c.rig.backdrop.similarity = similarity;
+    c.rig.backdrop.like = c.rig.paint.color;
+  };
+  alike(enter("similar-8", "room 0.8 in the object's colour", 2), 0.8f);
+  alike(enter("similar-9", "room 0.9 in the object's colour", 2), 0.9f);
+  Condition& noisy = enter("similar-noise15", "room 0.8 in its colour, noise 15/255", 2);
+  alike(noisy, 0.8f);
+  noisy.rig.sensor.read_noise = 15;
+  Condition& light = enter("light", "the light changes by a half at the same time", 2);
+  light.rig.exposure = [](int, Time time) {
+    return to_seconds(time.time_since_epoch()) > 1.8 ? 1.5 : 1.0;
+  };
+  Condition& fast = enter("fast", "31 mm + 15 deg per frame, free-running, three cameras", 3);
+  fast.steps.step = 0.031;
+  fast.steps.turn = 15 * kDegree;
+  fast.rig.phases = {0, 0.3, 0.7};
+}
+
 }  // namespace
 
 std::vector<Condition> tracking_conditions(Duration duration) {
@@ -187,6 +224,7 @@ std::vector<Condition> tracking_conditions(Duration duration) {
   add_motion(maker);
   add_objects(maker);
   add_hiding(maker, duration);
+  add_entering(maker);
   add_sizes(maker);
   return std::move(maker.all);
 }
@@ -203,6 +241,13 @@ test::SceneRigOptions rig_of(const Condition& condition, uint64_t seed) {
   } else {
     rig.path = condition.erratic ? test::erratic_path(steps, rig.duration)
                                  : test::smooth_path(steps, rig.duration);
+  }
+  if (condition.enters > Duration(0)) {
+    const Time since = Time{} + condition.enters;  // the path starts at zero
+    rig.path = [inner = rig.path, since](Time time) {
+      if (time >= since) return inner(time);
+      return Rigid3(Eigen::Quaterniond::Identity(), {0, 0, -9});  // below the floor
+    };
   }
   return rig;
 }

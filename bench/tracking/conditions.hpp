@@ -33,6 +33,8 @@ struct Condition {
   bool erratic = false;
   bool told = true;  ///< a given pose is said to be the right one of those that look alike
   Symmetry symmetry = Symmetry::kNone;
+  /// The object comes in from outside after so long: until then nothing is judged but wrong claims.
+  Duration enters{0};
   size_t settle = 10;  ///< sets after a start that do not count as errors
   Targets targets;
 };

@@ -27,7 +27,8 @@ double cpu_ms() {
   return static_cast<double>(now.tv_sec) * 1e3 + static_cast<double>(now.tv_nsec) * 1e-6;
 }
 
-Result<Installation> installation_of(const Condition& condition, const test::SceneRig& rig) {
+Result<Installation> installation_of(const Condition& condition, const test::SceneRig& rig,
+                                     bool silhouettes) {
   std::error_code ignored;
   const auto folder = std::filesystem::temp_directory_path() / "sightline_bench_tracking";
   std::filesystem::create_directories(folder, ignored);
@@ -35,6 +36,7 @@ Result<Installation> installation_of(const Condition& condition, const test::Sce
                                                 rig.options().shape->mesh(), condition.symmetry));
   Installation installation;
   installation.name = condition.name;
+  installation.detect.silhouettes = silhouettes;
   ObjectConfig object;
   SL_ASSIGN(object.description, read_object_file(file));
   installation.objects.push_back(std::move(object));
@@ -53,9 +55,9 @@ Result<Installation> installation_of(const Condition& condition, const test::Sce
 class Chain {
  public:
   static Result<std::unique_ptr<Chain>> create(const Condition& condition,
-                                               const test::SceneRig& rig) {
+                                               const test::SceneRig& rig, bool silhouettes) {
     auto chain = std::unique_ptr<Chain>(new Chain());
-    SL_ASSIGN(chain->installation_, installation_of(condition, rig));
+    SL_ASSIGN(chain->installation_, installation_of(condition, rig, silhouettes));
     chain->told_ = condition.told;
     SL_ASSIGN(chain->rig_, load_rig(chain->installation_));
     SL_RETURN_IF_ERROR(chain->restart());
@@ -100,7 +102,7 @@ class Chain {
   /// Searches where that is due, as replay does: in no time. Looks that saw nothing are replaced.
   bool search(const std::vector<FramePtr>& frames, std::vector<Observation>& set) {
     if (!search_) return false;
-    for (const FramePtr& frame : frames) search_->add_frame(frame->info().camera, *frame);
+    for (const FramePtr& frame : frames) search_->add_frame(frame->info().camera, *frame, tracks_);
     const Time now = frames.front()->info().capture;
     if (!search_->due(now, tracks_)) return false;
     for (Observation& found : search_->search(now, tracks_)) {
@@ -161,7 +163,7 @@ Sample judge(const PoseEstimate& estimate, const Rigid3& truth, const Rigid3& wo
 Result<Played> play(const Condition& condition, uint64_t seed, const PlayOptions& options) {
   ShotStore store(rig_of(condition, seed), options.shots, condition.name);
   const test::SceneRig& rig = store.rig();
-  SL_ASSIGN(const auto chain, Chain::create(condition, rig));
+  SL_ASSIGN(const auto chain, Chain::create(condition, rig, options.silhouettes));
   const ObjectDescription& object = chain->rig().objects[0].description;
   const SymmetryOption symmetry{object.symmetry, object.symmetry_axis, object.symmetry_order};
   SL_ASSIGN(auto pictures, Pictures::create(chain->installation(), chain->rig(),
@@ -176,7 +178,8 @@ Result<Played> play(const Condition& condition, uint64_t seed, const PlayOptions
     double visible = 0;
     std::vector<FramePtr> frames;
     for (const test::SceneShot& shot : shots) {
-      visible = std::max(visible, rig.options().cards.empty() ? 1 : rig.visible_share(shot));
+      const bool always = rig.options().cards.empty() && condition.enters == Duration(0);
+      visible = std::max(visible, always ? 1 : rig.visible_share(shot));
       frames.push_back(store.shoot(next++));
       const Frame& frame = *frames.back();
       if (start) {
@@ -199,7 +202,8 @@ Result<Played> play(const Condition& condition, uint64_t seed, const PlayOptions
                           rig.cameras().front().world_from_camera, symmetry);
     sample.started = start;
     sample.visible = visible;
-    played.samples.push_back(sample);
+    const bool outside = shots.front().true_capture < rig.options().start + condition.enters;
+    if (!outside || has_pose(sample.state)) played.samples.push_back(sample);
     for (const FramePtr& frame : frames)
       SL_RETURN_IF_ERROR(pictures->show(*frame, chain->tracks()));
     // A camera of a free-running rig that starts alone is given the true pose until all have been.

@@ -34,6 +34,7 @@ struct Played {
 struct PlayOptions {
   std::filesystem::path shots;   ///< folder of rendered pictures; empty: rendered every time
   std::filesystem::path sheets;  ///< folder of contact sheets and plots; empty: none
+  bool silhouettes = true;       ///< detect.silhouettes
 };
 
 /// One sequence through what replay runs: each camera's observer with the track known so far, then

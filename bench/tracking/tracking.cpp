@@ -2,6 +2,7 @@
 // The table of docs/accuracy.md: what the product's own chain (observers, estimator, detector) does
 // on rendered pictures whose truth is known, beside what is asked of it.
 //   tracking [--only NAME ...] [--seconds 4] [--seeds 2] [--shots DIR] [--sheets DIR] [--json FILE]
+//            [--no-silhouettes]
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -185,7 +186,8 @@ void print(const Condition& c, const Figures& f) {
   if (c.start == Start::kCold) {
     fmt::print("|   found after [ms] |");
     for (const double ms : f.found_ms) fmt::print(" {:.0f}", ms);
-    fmt::print("; never {}; let go after sets:", f.never_found);
+    fmt::print("; never {}; {} searches of {:.0f} ms; let go after sets:", f.never_found,
+               f.searches, f.detect_ms);
     for (const double sets : f.let_go_sets) fmt::print(" {:.0f}", sets);
     fmt::print("; worst while tracking {:.1f} mm {:.1f} deg |\n", f.worst_tracking_mm,
                f.worst_tracking_deg);
@@ -210,6 +212,7 @@ int main(int argc, char** argv) {
   app.add_option("--seeds", seeds, "sequences of a condition")->check(CLI::Range(1, 100));
   app.add_option("--shots", options.shots, "keep rendered pictures in this folder");
   app.add_option("--sheets", options.sheets, "write contact sheets and error plots here");
+  app.add_flag("!--no-silhouettes", options.silhouettes, "search without background models");
   app.add_option("--json", json_file, "write all figures here");
   CLI11_PARSE(app, argc, argv);
 

@@ -159,6 +159,9 @@ void visit(Visitor& v, DetectConfig& s) {
   v.number("nearest_m", s.detector.nearest, 0.01, 1000, "a distance in metres");
   v.number("farthest_m", s.detector.farthest, 0.01, 1000, "a distance in metres");
   v.number("accept", s.detector.accept, 0.05, 10, "an evidence");
+  v.flag("silhouettes", s.silhouettes);
+  v.seconds("learn", s.background.learn, 0.1, 60);
+  v.seconds("absorb", s.background.absorb, 5, 100);
 }
 
 template <typename Visitor>

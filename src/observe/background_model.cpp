@@ -78,7 +78,7 @@ class BackgroundModel::Impl {
   }
 
   bool wants(Time capture) const {
-    if (frames_ == 0 || capture < last_) return true;
+    if (frames_ == 0 || rewound(capture)) return true;
     return capture - last_ >= (capture - first_ < kFirst ? kFirstPeriod : kPeriod);
   }
 
@@ -87,7 +87,7 @@ class BackgroundModel::Impl {
     if (!usable(info) || !wants(info.capture)) return;
     const Planes planes = planes_of(frame);
     if (!planes.same_size()) return;
-    if (frames_ == 0 || info.capture < last_) start(planes, info.capture);
+    if (frames_ == 0 || rewound(info.capture)) start(planes, info.capture);
     mark_known_places(camera_, known, width_, height_, hidden_);
     light_ = measure_light(planes);
     const bool all = info.capture - first_ < kFirst;
@@ -128,6 +128,9 @@ class BackgroundModel::Impl {
   }
 
  private:
+  // A recording that begins again; frames may come a little out of order.
+  bool rewound(Time capture) const { return capture < last_ - 1s; }
+
   bool usable(const FrameInfo& info) const {
     return info.status != FrameStatus::kDamaged && info.width == camera_.model.width() &&
            info.height == camera_.model.height();

@@ -9,11 +9,12 @@ namespace {
 
 constexpr float kUnit = 1.0f / 64;
 // Squared differences of three channels: noise gives 3, the mean of nine 3 +- 0.8.
-constexpr float kMost = 30;      // of one pixel
-constexpr float kAround = 7.5f;  // of the mean of nine
-constexpr float kOwn = 2.5f;     // of the pixel itself
-constexpr float kSpare = 0.02f;  // of the level: light is not all the same factor everywhere
-constexpr float kBright = 234;   // at and above, the level says no more
+constexpr float kMost = 30;         // of one pixel
+constexpr float kAround = 7.5f;     // of the mean of nine
+constexpr float kFarAround = 5.2f;  // of the mean of 25
+constexpr float kOwn = 2.5f;        // of the pixel itself
+constexpr float kSpare = 0.01f;     // of the level: light is not the same factor everywhere
+constexpr float kBright = 234;      // at and above, the level says no more
 constexpr float kDarkest = 0.35f, kBrightest = 0.97f;  // of a shadow
 constexpr float kSameColour = 9;                       // squared sigmas of both colours
 
@@ -41,9 +42,10 @@ void ChangeMap::compare_row(const std::array<PlaneView, 3>& picture, const Usual
     const float dy = std::min(level, kBright) - std::min(expected, kBright);
     const float du = static_cast<float>(u[x]) - (grey + gain * static_cast<float>(mean_u[x]));
     const float dv = static_cast<float>(v[x]) - (grey + gain * static_cast<float>(mean_v[x]));
-    const float sy = scale * std::max(static_cast<float>(spread[x]), least) + kSpare * expected;
+    const float sy = scale * std::max(static_cast<float>(spread[x]), least);
     const float sc = scale * std::max(static_cast<float>(spread_c[x]), least_c);
-    const float square = dy * dy / (sy * sy) + (du * du + dv * dv) / (sc * sc);
+    const float spare = kSpare * expected;
+    const float square = dy * dy / (sy * sy + spare * spare) + (du * du + dv * dv) / (sc * sc);
     squares[x] = std::min(square, kMost);
   }
 }
@@ -57,19 +59,25 @@ void ChangeMap::compute(const std::array<PlaneView, 3>& picture, const UsualPict
   out.classes.resize(size);
   squares_.resize(size);
   columns_.resize(static_cast<size_t>(width));
+  far_columns_.resize(static_cast<size_t>(width));
   raw_.assign(size, ForegroundMap::kBackground);
   for (int y = 0; y < height; ++y) {
     compare_row(picture, usual, light, y, squares_.data() + index(0, y, width));
   }
   const auto least_c = static_cast<float>(usual.least_spread[1]);
-  for (int y = 1; y + 1 < height; ++y) {
+  for (int y = 2; y + 2 < height; ++y) {
     const float* here = squares_.data() + index(0, y, width);
     for (int x = 0; x < width; ++x) {
-      columns_[static_cast<size_t>(x)] = here[x - width] + here[x] + here[x + width];
+      const float near = here[x - width] + here[x] + here[x + width];
+      columns_[static_cast<size_t>(x)] = near;
+      far_columns_[static_cast<size_t>(x)] = near + here[x - 2 * width] + here[x + 2 * width];
     }
-    for (int x = 1; x + 1 < width; ++x) {
-      const auto k = static_cast<size_t>(x);
-      if (columns_[k - 1] + columns_[k] + columns_[k + 1] < 9 * kAround || here[x] < kOwn) continue;
+    for (int x = 2; x + 2 < width; ++x) {
+      if (here[x] < kOwn) continue;
+      const float *near = columns_.data() + x, *far = far_columns_.data() + x;
+      if (near[-1] + near[0] + near[1] < 9 * kAround &&
+          far[-2] + far[-1] + far[0] + far[1] + far[2] < 25 * kFarAround)
+        continue;
       const size_t i = index(x, y, width);
       const float expected =
           kBlack + light * (static_cast<float>(usual.mean[0][i]) * kUnit - kBlack);

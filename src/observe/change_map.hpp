@@ -22,10 +22,10 @@ struct UsualPicture {
   const uint8_t* unknown;  ///< not 0: nothing is known of the pixel
 };
 
-/// Tells what is new in a picture. A pixel counts with its eight neighbours: the mean of their
-/// squared differences in sigmas is compared with what noise gives, so that a small difference of
-/// colour over an area is seen. What is darker by a factor that luma and colour share may be a
-/// shadow (Prati et al., Detecting Moving Shadows, PAMI 2003).
+/// Tells what is new in a picture. A pixel counts with its eight or 24 neighbours: the mean of
+/// their squared differences in sigmas is compared with what noise gives, so that a small
+/// difference of colour over an area is seen. What is darker by a factor that luma and colour share
+/// may be a shadow (Prati et al., Detecting Moving Shadows, PAMI 2003).
 class ChangeMap {
  public:
   /// `picture`: luma and colours at half size; `light`: by which it is brighter above black.
@@ -37,7 +37,7 @@ class ChangeMap {
                    int y, float* squares) const;
   void clean(ForegroundMap& out);
 
-  std::vector<float> squares_, columns_;
+  std::vector<float> squares_, columns_, far_columns_;
   std::vector<uint8_t> raw_;
 };
 

@@ -27,10 +27,11 @@ constexpr double kLeastDiameter = 45;    // [px] smaller objects are not looked 
 constexpr double kLeastSilhouette = 20;  // [px] the same by its silhouette
 constexpr double kMostOfPicture = 0.8;   // of its height
 constexpr size_t kVerified = 400, kClimbed = 60;
-constexpr size_t kSilhouettes = 16;  // of these, that are fitted
-constexpr size_t kFewerHits = 4;     // times, where only what is new is searched
-constexpr int kFullSearch = 3;       // of so many searches without success one goes everywhere
-constexpr int kNearForeground = 3;   // [half-size px] edges so near to what is new count
+constexpr size_t kSilhouettes = 12;                   // of these, that are fitted
+constexpr size_t kFewerHits = 8, kFewerVerified = 3;  // times, where only what is new is searched
+constexpr double kClear = 1.5;                        // of the evidence that is asked for
+constexpr double kLeastNew = 3e-4;                    // share of the picture that is worth a look
+constexpr int kNearForeground = 3;  // [half-size px] edges so near to what is new count
 constexpr double kScanReach = 7, kTurnedReach = 5;  // [half-size px]
 // What clutter gives: share of agreeing lines times unlikeness of the colours.
 constexpr double kClutterEvidence = 0.35;
@@ -117,7 +118,7 @@ class ObjectDetector::Impl {
 
   Detection detect() {
     Detection out;
-    const bool focused = failures_ % kFullSearch != kFullSearch - 1 && backgrounds_known();
+    const bool focused = !everywhere_next_ && sees_something_new();
     if (!look(out.time, focused)) return out;
     const size_t seed = choose_seed(focused);
     out.time = seen_[active_[seed]].info.capture;
@@ -125,12 +126,18 @@ class ObjectDetector::Impl {
     std::vector<Judged> judged;
     const PoseFitter fitter(bank_.model(), fit_cameras_);
     if (focused) add_silhouettes(fitter, judged);
-    for (const JointPose& pose : search_edges(seed, focused)) {
-      judged.push_back(judge(fitter.fit(pose.world_from_object, Vector6::Zero(), kScanReach)));
+    // Silhouettes have been tried from all sides: where one is beyond doubt, edges add nothing.
+    const bool clear = std::any_of(judged.begin(), judged.end(), [&](const Judged& pose) {
+      return acceptable(pose) && pose.evidence > kClear * options_.accept;
+    });
+    if (!clear) {
+      for (const JointPose& pose : search_edges(seed, focused)) {
+        judged.push_back(judge(fitter.fit(pose.world_from_object, Vector6::Zero(), kScanReach)));
+      }
     }
     add_turned(fitter, judged);
     decide(judged, out);
-    failures_ = out.poses.empty() ? failures_ + 1 : 0;
+    everywhere_next_ = focused && out.poses.empty();
     return out;
   }
 
@@ -265,10 +272,10 @@ class ObjectDetector::Impl {
     if (seen.has_foreground) seen.foreground = *foreground;
   }
 
-  // As many cameras as are needed to believe a pose know their background.
-  bool backgrounds_known() const {
+  // As many cameras as are needed to believe a pose see something new.
+  bool sees_something_new() const {
     const auto known = std::count_if(seen_.begin(), seen_.end(), [](const Seen& seen) {
-      return seen.valid && seen.has_foreground;
+      return seen.valid && seen.has_foreground && seen.foreground.share > kLeastNew;
     });
     return static_cast<size_t>(known) >= std::min<size_t>(2, cameras_.size());
   }
@@ -394,7 +401,8 @@ class ObjectDetector::Impl {
     range.most = focused ? options_.scan_hits / kFewerHits : options_.scan_hits;
     if (focused) range.rows = places_to_scan(seed, range);
     const auto hits = search.scan_camera(seed, range);
-    std::vector<JointPose> poses = search.verify(seed, hits, range, kVerified);
+    std::vector<JointPose> poses =
+        search.verify(seed, hits, range, focused ? kVerified / kFewerVerified : kVerified);
     drop_alike(poses, 0.08 * radius, 0.1);
     for (JointPose& pose : poses) {
       pose = search.climb(pose, JointSearch::Spread::kFar, 0.15, 0.25 * radius, 2);
@@ -536,7 +544,7 @@ class ObjectDetector::Impl {
   std::vector<Eigen::Quaterniond> turns_;
   std::vector<Seen> seen_;
   size_t next_seed_ = 0;
-  int failures_ = 0;  ///< searches in a row that found nothing
+  bool everywhere_next_ = false;  ///< a search of what is new has found nothing
 
   // Of the detection under way, by active camera.
   std::vector<size_t> active_;

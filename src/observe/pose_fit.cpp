@@ -14,6 +14,7 @@ namespace {
 constexpr double kTwistLinear = 1.0;   // [m/s] one sigma of the prior
 constexpr double kTwistAngular = 3.5;  // [rad/s]
 constexpr double kAgrees = 1.3;        // [half-size px]
+constexpr double kWeakEdge = 0.4;      // of the threshold, where what is new ends
 constexpr double kHuber = 2.0;         // [sigma]
 constexpr int kEveryLine = 2;          // every second sample is enough
 constexpr int kColourSteps = 8;        // samples on either side of the outline
@@ -76,6 +77,25 @@ std::optional<double> best_edge(const EdgePicture& edges, const Seen& seen, doub
   const double bend = before + after - 2 * middle;
   if (bend < -1e-6) place += std::clamp(0.5 * (before - after) / bend, -0.7, 0.7);
   return place;
+}
+
+// A step of light across the normal, however weak, within a pixel of a place.
+bool weak_edge(const EdgePicture& edges, const Eigen::Vector2d& place,
+               const Eigen::Vector2d& normal) {
+  for (const int s : {0, -1, 1}) {
+    const int x = static_cast<int>(std::floor(place.x() + s * normal.x() + 0.5));
+    const int y = static_cast<int>(std::floor(place.y() + s * normal.y() + 0.5));
+    if (x < 1 || y < 1 || x >= edges.width() - 1 || y >= edges.height() - 1) continue;
+    const size_t i =
+        static_cast<size_t>(y) * static_cast<size_t>(edges.width()) + static_cast<size_t>(x);
+    const auto gx = static_cast<double>(edges.gradient_x()[i]),
+               gy = static_cast<double>(edges.gradient_y()[i]);
+    const double along = std::abs(gx * normal.x() + gy * normal.y());
+    if (along > kWeakEdge * static_cast<double>(edges.threshold()) &&
+        along > 0.8 * std::hypot(gx, gy))
+      return true;
+  }
+  return false;
 }
 
 // Distance to the nearest place along the normal where what is new ends.
@@ -167,11 +187,15 @@ void PoseFitter::add_lines(const FitCamera& camera, const Rigid3& world_from_obj
       return;
     ++out.lines;
     auto distance = best_edge(*camera.edges, *seen, reach);
+    bool is_edge = distance.has_value();
     if (!distance && outline && camera.foreground != nullptr) {
       distance = foreground_border(*camera.foreground, *seen, reach);
+      // The place that something left is new too, but nothing in the picture ends there.
+      is_edge = distance &&
+                weak_edge(*camera.edges, seen->pixel + *distance * seen->normal, seen->normal);
     }
     if (!distance) return;
-    if (std::abs(*distance) <= kAgrees) ++out.agreeing;
+    if (is_edge && std::abs(*distance) <= kAgrees) ++out.agreeing;
     Eigen::Matrix<double, 3, 6> by_tangent;
     by_tangent << -rotation * skew(at), rotation;
     const Vector6 slope =

@@ -14,7 +14,7 @@ namespace {
 constexpr size_t kViews = 162, kFewViews = 42;
 constexpr int kTurns = 24;
 constexpr int kSide = ViewpointModel::kMaskSize;
-constexpr size_t kPlaces = 40, kGoodPlaces = 12, kPosesOfPlace = 5;
+constexpr size_t kPlaces = 30, kGoodPlaces = 6, kPosesOfPlace = 4;
 constexpr double kPlaceStep = 0.35, kDepthStep = 0.7;  // of the radius
 constexpr double kOneCameraStep = 1.1;                 // from distance to distance
 constexpr double kLeastPlace = 0.25;  // score of a camera that shows something at a place

@@ -18,6 +18,7 @@
 #include "sightline/fuse/estimator.hpp"
 #include "sightline/geometry/camera_model.hpp"
 #include "sightline/model/object.hpp"
+#include "sightline/observe/background_model.hpp"
 #include "sightline/observe/fiducial_observer.hpp"
 #include "sightline/observe/object_detector.hpp"
 #include "sightline/observe/object_tracker.hpp"
@@ -114,6 +115,8 @@ struct DetectConfig {
   bool enabled = true;
   Duration interval = std::chrono::milliseconds(100);  ///< between searches for one object
   DetectorOptions detector;                            ///< nearest, farthest, accept, margin
+  bool silhouettes = true;       ///< learn what the cameras see without the object, and use it
+  BackgroundOptions background;  ///< learn, absorb
 };
 
 struct DaemonConfig {

@@ -67,7 +67,7 @@ struct Detection {
 ///
 /// Where the cameras' backgrounds are known, poses whose silhouettes fit what is new in the
 /// pictures take part too, and the search for edges keeps to what is new; if that finds nothing,
-/// one search in three goes over everything. docs/detection.md says more.
+/// every second search goes over everything. docs/detection.md says more.
 ///
 /// Passive; one thread at a time. The same frames give the same detections.
 class ObjectDetector {
