@@ -113,19 +113,24 @@ void ChangeMap::compute(const std::array<PlaneView, 3>& picture, const UsualPict
 void ChangeMap::clean(ForegroundMap& out) {
   const int width = out.width, height = out.height;
   std::fill(out.classes.begin(), out.classes.end(), uint8_t{ForegroundMap::kBackground});
+  // Of the three rows: how many are new, and 16 for each that is foreground.
+  columns_in_three_.assign(static_cast<size_t>(width), 0);
+  const auto counted = [](uint8_t what) {
+    return static_cast<uint8_t>((what != 0) + 16 * (what == ForegroundMap::kForeground));
+  };
   for (int y = 1; y + 1 < height; ++y) {
+    const uint8_t* middle = raw_.data() + index(0, y, width);
+    uint8_t* columns = columns_in_three_.data();
+    for (int x = 0; x < width; ++x) {
+      columns[x] = static_cast<uint8_t>(counted(middle[x - width]) + counted(middle[x]) +
+                                        counted(middle[x + width]));
+    }
+    uint8_t* to = out.classes.data() + index(0, y, width);
     for (int x = 1; x + 1 < width; ++x) {
-      int any = 0, front = 0;
-      const uint8_t* middle = raw_.data() + index(x, y, width);
-      for (const int dy : {-width, 0, width}) {
-        for (int dx = -1; dx <= 1; ++dx) {
-          any += middle[dy + dx] != 0;
-          front += middle[dy + dx] == ForegroundMap::kForeground;
-        }
-      }
-      if (any < 5) continue;
-      out.classes[index(x, y, width)] =
-          2 * front >= any ? ForegroundMap::kForeground : ForegroundMap::kShadow;
+      const int sum = columns[x - 1] + columns[x] + columns[x + 1];
+      const int any = sum & 15, front = sum >> 4;
+      const uint8_t what = 2 * front >= any ? ForegroundMap::kForeground : ForegroundMap::kShadow;
+      to[x] = any >= 5 ? what : uint8_t{ForegroundMap::kBackground};
     }
   }
 }

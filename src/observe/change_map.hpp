@@ -38,7 +38,7 @@ class ChangeMap {
   void clean(ForegroundMap& out);
 
   std::vector<float> squares_, columns_, far_columns_;
-  std::vector<uint8_t> raw_;
+  std::vector<uint8_t> raw_, columns_in_three_;
 };
 
 }  // namespace sightline

@@ -14,7 +14,7 @@ namespace {
 constexpr size_t kViews = 162, kFewViews = 42;
 constexpr int kTurns = 24;
 constexpr int kSide = ViewpointModel::kMaskSize;
-constexpr size_t kPlaces = 30, kGoodPlaces = 6, kPosesOfPlace = 4;
+constexpr size_t kPlaces = 30, kGoodPlaces = 6, kPosesOfPlace = 7;
 constexpr double kPlaceStep = 0.35, kDepthStep = 0.7;  // of the radius
 constexpr double kOneCameraStep = 1.1;                 // from distance to distance
 constexpr double kLeastPlace = 0.25;  // score of a camera that shows something at a place
@@ -192,7 +192,7 @@ void SilhouetteSearch::add_places(std::span<const SilhouetteCamera> cameras, siz
         if (own < kLeastPlace) continue;
         const auto ray = camera.camera->model.unproject({2 * x + 0.5, 2 * y + 0.5});
         if (!ray) continue;
-        Place place{world_from_camera * (distance * *ray), own, from};
+        Place place{world_from_camera * (distance * *ray), own, from, {}};
         size_t seen = 1;
         for (size_t i = 0; i < cameras.size(); ++i) {
           if (i == from) continue;
@@ -349,20 +349,27 @@ std::vector<JointPose> SilhouetteSearch::search(std::span<const SilhouetteCamera
                                                 size_t most) const {
   const double radius = bank_.model().radius();
   std::vector<Place> places = find_places(cameras);
-  // Few views tell good places from bad ones.
+  const Eigen::Vector3d& center = bank_.model().center();
+  const auto climb = [&](const Rigid3& pose) {
+    return climb_pose(pose, center, 0.15, 0.3 * radius, 3,
+                      [&](const Rigid3& tried) { return score(cameras, tried, 2); });
+  };
+  // Few views tell good places from bad ones, and even a wrong one draws the place to the middle
+  // of what is new.
   for (Place& place : places) {
     const auto best = orient(cameras, place, kFewViews, 1);
     place.score = best.empty() ? 0 : best.front().score;
+    if (!best.empty()) place.pose = best.front().world_from_object;
   }
   std::stable_sort(places.begin(), places.end(),
                    [](const Place& a, const Place& b) { return a.score > b.score; });
   if (places.size() > kGoodPlaces) places.resize(kGoodPlaces);
   std::vector<JointPose> out;
-  for (const Place& place : places) {
+  for (Place& place : places) {
     if (!(place.score > 0)) break;
+    place.center = climb(place.pose).world_from_object * center;
     for (const JointPose& pose : orient(cameras, place, kViews, kPosesOfPlace)) {
-      out.push_back(climb_pose(pose.world_from_object, bank_.model().center(), 0.15, 0.3 * radius,
-                               3, [&](const Rigid3& tried) { return score(cameras, tried, 2); }));
+      out.push_back(climb(pose.world_from_object));
     }
   }
   drop_alike(out, 0.15 * radius, 0.15);

@@ -53,6 +53,7 @@ class SilhouetteSearch {
     Eigen::Vector3d center;
     double score = 0;
     size_t camera = 0;  ///< that it was found in
+    Rigid3 pose;        ///< best one of few
   };
   struct Ball {
     double x = 0, y = 0, radius = 0;  ///< half-size px

@@ -59,13 +59,13 @@ class BackgroundModel {
   /// True if learn() would use a frame of this time: every one at first, one in 0.1 s later.
   bool wants(Time capture) const;
   /// Learns from the frame, except where `known` objects are. Frames that are not wanted, damaged
-  /// or of another size are ignored. About 0.5 ms at first, 0.2 ms later (640x480).
+  /// or of another size are ignored. About 0.7 ms at first, 0.2 ms later (640x480).
   void learn(const Frame& frame, std::span<const KnownObject> known);
 
   /// Enough has been learned, and the newest pictures look like it.
   bool ready() const;
   /// What is new in this frame; pixels of `others` are unknown. False, and `out` is empty, if the
-  /// model is not ready or does not fit the frame. About 0.5 ms (640x480).
+  /// model is not ready or does not fit the frame. About 1 ms (640x480).
   bool foreground(const Frame& frame, std::span<const KnownObject> others,
                   ForegroundMap& out) const;
 
