@@ -29,6 +29,7 @@ struct ReplayOptions {
   std::filesystem::path recording;
   std::filesystem::path config;       ///< empty: what the recording says
   std::vector<std::string> cues;      ///< of every object; empty: what its file says
+  std::vector<std::string> features;  ///< OBJECT=FILE, or FILE for all: taught ones, instead
   std::filesystem::path poses;        ///< empty: none
   std::filesystem::path overlay;      ///< folder of videos; empty: none
   std::filesystem::path overlay_png;  ///< folder of pictures; empty: none
@@ -37,6 +38,19 @@ struct ReplayOptions {
   bool json = false;
 };
 int replay(const ReplayOptions& options);
+
+struct TeachCommandOptions {
+  std::filesystem::path input;        ///< recording, or list of pictures
+  std::filesystem::path out;          ///< the feature file
+  std::filesystem::path poses;        ///< truth.csv or a pose log; empty: the recording's own
+  std::filesystem::path calibration;  ///< of the list's cameras
+  std::string object;  ///< of the recording (empty: its only one); for a list its file
+  std::vector<std::string> cameras;  ///< empty: all
+  int every = 5;                     ///< pictures of a camera
+  double from_s = 0, to_s = 1e9;     ///< of the recording
+  bool json = false;
+};
+int teach(const TeachCommandOptions& options);
 
 struct RecordOptions {
   std::filesystem::path config;

@@ -95,6 +95,30 @@ void add_view(CLI::App& app, cli::ViewOptions& options) {
   command->add_flag("--json", options.json, "as JSON");
 }
 
+void add_teach(CLI::App& app, cli::TeachCommandOptions& options) {
+  auto* command =
+      app.add_subcommand("teach", "learn what an object's print looks like, to find it by");
+  command
+      ->add_option("INPUT", options.input,
+                   "recording with known poses, or list of pictures (CSV: picture, camera, pose)")
+      ->required();
+  command->add_option("OUT", options.out, "feature file to write")->required();
+  command->add_option("--poses", options.poses,
+                      "truth or pose log (default: truth.csv, poses.csv of the recording)");
+  command->add_option("--object", options.object,
+                      "which of the recording, if there are several; for pictures the object file");
+  command->add_option("--calibration", options.calibration, "of the cameras of the pictures");
+  command->add_option("--camera", options.cameras, "only this one; may be repeated")
+      ->allow_extra_args(false);
+  command->add_option("--every", options.every, "N: each Nth picture of a camera (default 5)")
+      ->check(CLI::Range(1, 100000));
+  command->add_option("--from", options.from_s, "seconds since the recording's start")
+      ->check(CLI::NonNegativeNumber);
+  command->add_option("--to", options.to_s, "seconds since the recording's start")
+      ->check(CLI::NonNegativeNumber);
+  command->add_flag("--json", options.json, "as JSON");
+}
+
 int run(int argc, char** argv) {
   CLI::App app{"Sightline: live annotated video streams of a known object, for fixed camera rigs"};
   app.set_version_flag("--version", std::string("sightline ") + kVersion);
@@ -126,6 +150,10 @@ int run(int argc, char** argv) {
       ->add_option("--cues", replay.cues,
                    "measure objects only by these: fiducial, region, edge, texture")
       ->delimiter(',');
+  replay_command
+      ->add_option("--features", replay.features,
+                   "find objects by what this file was taught: FILE, or NAME=FILE for one of them")
+      ->allow_extra_args(false);
   replay_command->add_option("--poses", replay.poses, "write the pose log here");
   replay_command->add_option("--overlay", replay.overlay,
                              "write CAMERA.mkv as streamed to this folder");
@@ -175,6 +203,8 @@ int run(int argc, char** argv) {
   add_superimpose(app, superimpose);
   cli::ViewOptions view;
   add_view(app, view);
+  cli::TeachCommandOptions teach;
+  add_teach(app, teach);
 
   try {
     app.parse(argc, argv);
@@ -197,6 +227,7 @@ int run(int argc, char** argv) {
   if (model_command->parsed()) return cli::model(model);
   if (app.got_subcommand("superimpose")) return cli::superimpose(superimpose);
   if (app.got_subcommand("view")) return cli::view(view);
+  if (app.got_subcommand("teach")) return cli::teach(teach);
   if (replay_command->parsed()) return cli::replay(replay);
   return cli::record(record);
 }

@@ -35,6 +35,23 @@ class Pace {
   Duration offset_{};
 };
 
+// "NAME=FILE" for one object, "FILE" for all.
+Status use_features(const std::vector<std::string>& arguments, Installation& installation) {
+  for (const std::string& argument : arguments) {
+    const size_t equals = argument.find('=');
+    const std::string name = equals == std::string::npos ? "" : argument.substr(0, equals);
+    bool used = false;
+    for (ObjectConfig& object : installation.objects) {
+      if (!name.empty() && object.description.name != name) continue;
+      object.description.features = name.empty() ? argument : argument.substr(equals + 1);
+      used = true;
+    }
+    if (used) continue;
+    return make_error(ErrorCode::kInvalidInput, "--features", "there is no object \"{}\"", name);
+  }
+  return {};
+}
+
 Result<ReplaySummary> run(const ReplayOptions& options) {
   SL_ASSIGN(Recording opened, open_recording(options.recording));
   for (const std::string& warning : opened.warnings) log::warning("{}", warning);
@@ -46,6 +63,7 @@ Result<ReplaySummary> run(const ReplayOptions& options) {
     SL_ASSIGN(const Cues cues, parse_cues(options.cues, "--cues"));
     for (ObjectConfig& object : installation.objects) object.description.cues = cues;
   }
+  SL_RETURN_IF_ERROR(use_features(options.features, installation));
   std::unique_ptr<PoseLogWriter> log;
   if (!options.poses.empty()) {
     SL_ASSIGN(log, PoseLogWriter::create(options.poses));

@@ -8,6 +8,7 @@
 
 #include "rig.hpp"
 #include "sightline/observe/background_model.hpp"
+#include "sightline/observe/feature_detector.hpp"
 #include "sightline/observe/object_detector.hpp"
 #include "sightline/observe/surface_look.hpp"
 
@@ -37,7 +38,8 @@ class ObjectSearch {
   /// of the frames, in order of time.
   std::vector<Observation> search(Time now, std::span<const PoseTrackPtr> tracks);
   /// The same poses in newer frames, which may have come while the search ran. Replaces what
-  /// search() returned; empty if they are not there any more.
+  /// search() returned; empty if they are not there any more. What was found by its print is
+  /// returned as it was: that search is quick enough.
   std::vector<Observation> follow();
 
   static constexpr Duration kBlindAfter = std::chrono::milliseconds(150);
@@ -47,7 +49,9 @@ class ObjectSearch {
     ObjectId object;
     std::shared_ptr<const ViewpointModel> views;
     std::unique_ptr<ObjectDetector> detector;
-    std::unique_ptr<SurfaceLook> look;  ///< null: the mesh has no colours
+    std::unique_ptr<SurfaceLook> look;          ///< null: the mesh has no colours
+    std::unique_ptr<FeatureDetector> features;  ///< tried first; null: none were taught
+    bool by_print = false;                      ///< `found` by those
     Lookalikes lookalikes;
     Time last{};
     bool searched = false;
@@ -58,6 +62,7 @@ class ObjectSearch {
   static bool missing(const Wanted& wanted, Time now, std::span<const PoseTrackPtr> tracks);
   /// Objects whose place is known at a time; `coasting`: also those that are only predicted.
   void find_known(Time time, std::span<const PoseTrackPtr> tracks, bool coasting);
+  static Detection found_by_print(Wanted& wanted);
 
   Duration interval_{};
   double accept_ = 0;

@@ -48,6 +48,20 @@ Status load_paint(const ObjectDescription& description, RenderMesh& mesh) {
   return {};
 }
 
+// What an object was taught belongs to its mesh; null if it was taught nothing.
+Result<std::shared_ptr<const FeatureModel>> load_features(const ObjectDescription& object,
+                                                          const TriangleMesh& mesh) {
+  if (object.features.empty()) return std::shared_ptr<const FeatureModel>();
+  SL_ASSIGN(FeatureModel model, read_feature_model(object.features));
+  if (model.mesh == mesh_content(mesh)) {
+    return std::make_shared<const FeatureModel>(std::move(model));
+  }
+  return make_error(ErrorCode::kInvalidInput, object.features.string(),
+                    "was taught on another mesh than {} (or in another unit): teach {} again "
+                    "(sightline teach)",
+                    object.mesh.string(), object.name);
+}
+
 // The depth image of a camera, which has the camera's size.
 Result<std::vector<float>> load_scene_depth(const CameraConfig& camera) {
   if (camera.scene_depth.empty()) return std::vector<float>();
@@ -105,6 +119,7 @@ Result<Rig> load_rig(const Installation& installation) {
     const ObjectDescription& description = installation.objects[i].description;
     SL_ASSIGN(TriangleMesh mesh,
               load_mesh(description.mesh, description.meters_per_unit, installation));
+    SL_ASSIGN(auto features, load_features(description, mesh));
     RenderMesh prepared = make_render_mesh(mesh, options);
     if (shows_textures(installation)) {
       SL_RETURN_IF_ERROR(load_paint(description, prepared));
@@ -117,7 +132,8 @@ Result<Rig> load_rig(const Installation& installation) {
                            std::make_shared<const TriangleMesh>(std::move(mesh)),
                            nullptr,
                            {},
-                           nullptr});
+                           nullptr,
+                           std::move(features)});
     if (description.cues.look()) SL_RETURN_IF_ERROR(load_look(rig.objects.back()));
   }
   for (const auto& path : installation.scene.meshes) {

@@ -8,6 +8,7 @@
 #include "sightline/config/installation.hpp"
 #include "sightline/geometry/mesh.hpp"
 #include "sightline/model/pose_track.hpp"
+#include "sightline/observe/feature_model.hpp"
 #include "sightline/observe/fiducial_observer.hpp"
 #include "sightline/observe/object_tracker.hpp"
 #include "sightline/observe/occlusion_learner.hpp"
@@ -29,6 +30,7 @@ struct RigObject {
   std::shared_ptr<const ViewpointModel> views;    ///< null if its look is no cue
   Lookalikes lookalikes;                          ///< poses that its shape cannot tell apart
   SurfaceSpots spots;  ///< its colours, where they are needed to tell them apart; or null
+  std::shared_ptr<const FeatureModel> features;  ///< taught; null: none
 };
 
 /// What all cameras share: the meshes of the objects and of the static scene. Immutable once
@@ -43,8 +45,9 @@ struct Rig {
   std::vector<Lookalikes> lookalikes() const;  ///< by ObjectId
 };
 
-/// Reads every mesh and depth image that the installation names, and makes or fetches the viewpoint
-/// models. Both programs start here.
+/// Reads every mesh, depth image and feature file that the installation names, and makes or fetches
+/// the viewpoint models. Features that were taught on another mesh are refused. Both programs start
+/// here.
 Result<Rig> load_rig(const Installation& installation);
 
 /// The per-camera parts, made from the shared ones.

@@ -454,7 +454,8 @@ void InstallationReader::read_objects() {
           table.problem("file", fmt::format("there is an object \"{}\" already, in line {}",
                                             object->name, first->second));
         } else {
-          const uint64_t content = files_.content(path) * 31 + files_.content(object->mesh);
+          uint64_t content = files_.content(path) * 31 + files_.content(object->mesh);
+          if (!object->features.empty()) content = content * 31 + files_.content(object->features);
           result_.objects.push_back(
               {*std::move(object), content, document_.problems().where(table.place())});
         }

@@ -109,7 +109,8 @@ Result<Installation> recording_installation(const fs::path& folder) {
       return make_error(ErrorCode::kInvalidInput, path.string(),
                         "the recording has two objects named \"{}\"", object.name);
     }
-    const uint64_t content = content_of(path) * 31 + content_of(object.mesh);
+    uint64_t content = content_of(path) * 31 + content_of(object.mesh);
+    if (!object.features.empty()) content = content * 31 + content_of(object.features);
     installation.objects.push_back({std::move(object), content, path.string()});
   }
   if (manifest.scene) {

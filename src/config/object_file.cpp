@@ -191,6 +191,19 @@ void read_mesh_entry(TomlTable& root, const std::filesystem::path& path,
   }
 }
 
+void read_features_entry(TomlTable& root, const std::filesystem::path& path,
+                         const std::function<bool(const std::filesystem::path&)>& is_file,
+                         ObjectDescription& object) {
+  const auto features = root.text("features");
+  if (!features) return;
+  object.features = config::resolve(path, features->text);
+  if (is_file(object.features)) return;
+  root.problem(
+      "features",
+      fmt::format("there is no file {} (sightline teach makes it)", object.features.string()),
+      ErrorCode::kNotFound);
+}
+
 }  // namespace
 
 Result<ObjectDescription> parse_object_file(
@@ -208,6 +221,7 @@ Result<ObjectDescription> parse_object_file(
     }
   }
   read_mesh_entry(root, path, is_file, object);
+  read_features_entry(root, path, is_file, object);
   read_symmetry(root, object);
   read_fiducials(root, object);
   read_board(root, object);

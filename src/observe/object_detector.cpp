@@ -51,8 +51,10 @@ struct Seen {
 
 struct Judged {
   PoseFit fit;
-  double evidence = 0;
-  int cameras = 0;
+  double evidence = 0;                     // of outline and proposal
+  double outline = 0;                      // of the outline alone
+  int cameras = 0;                         // that see the outline
+  const ProposedPose* proposal = nullptr;  ///< null: fitted to edges
 };
 
 double camera_evidence(const CameraFit& fit) {
@@ -138,6 +140,24 @@ class ObjectDetector::Impl {
     add_turned(fitter, judged);
     decide(judged, out);
     everywhere_next_ = focused && out.poses.empty();
+    return out;
+  }
+
+  Detection judge(const Proposals& proposals) {
+    Detection out;
+    if (proposals.poses.empty() || !look(out.time, false)) return out;
+    out.time = proposals.time;
+    set_times(out.time);
+    std::vector<Judged> judged;
+    const PoseFitter fitter(bank_.model(), fit_cameras_);
+    for (const ProposedPose& proposal : proposals.poses) {
+      Judged pose = judge(fitter.look(proposal.world_from_object, proposal.twist));
+      pose.proposal = &proposal;
+      pose.evidence += proposal.evidence;
+      judged.push_back(std::move(pose));
+    }
+    add_turned(fitter, judged);
+    decide(judged, out);
     return out;
   }
 
@@ -455,14 +475,31 @@ class ObjectDetector::Impl {
     }
     out.evidence -= kTwistPrice * (fit.twist.head<3>().squaredNorm() / std::pow(kTwistAngular, 2) +
                                    fit.twist.tail<3>().squaredNorm() / std::pow(kTwistLinear, 2));
+    out.outline = out.evidence;
     out.fit = std::move(fit);
     return out;
   }
 
+  // The outline has to agree in two cameras, or at all with what was proposed: of the two poses of
+  // a flat thing in one picture the wrong one may have as many features.
   bool acceptable(const Judged& judged) const {
+    if (judged.proposal != nullptr && judged.proposal->evidence >= options_.accept / 2) {
+      return judged.outline >= kLeastCameraEvidence;
+    }
     const size_t needed = std::min<size_t>(2, active_.size());
     return judged.evidence >= options_.accept * static_cast<double>(needed) / 2 &&
            static_cast<size_t>(judged.cameras) >= needed;
+  }
+
+  // Edges take what lies so close together to the same pose; what features found apart is apart.
+  bool alike_poses(const Judged& a, const Judged& b) const {
+    const Eigen::Vector3d& center = bank_.model().center();
+    const double away =
+        (a.fit.world_from_object * center - b.fit.world_from_object * center).norm();
+    const double turned = rotation_angle(a.fit.world_from_object, b.fit.world_from_object);
+    const bool proposed = a.proposal != nullptr && b.proposal != nullptr;
+    return away < (proposed ? 0.25 : 0.5) * bank_.model().radius() &&
+           turned < (proposed ? 0.12 : 0.5);
   }
 
   // One test for all: enough evidence, and more than any other by the margin, or it is one of
@@ -471,17 +508,19 @@ class ObjectDetector::Impl {
     std::stable_sort(judged.begin(), judged.end(),
                      [](const Judged& a, const Judged& b) { return a.evidence > b.evidence; });
     std::vector<const Judged*> accepted;
+    if (judged.empty()) return;
+    if (judged.front().proposal != nullptr && !acceptable(judged.front())) {
+      out.runner_up = judged.front().evidence;
+      return;
+    }
     for (const Judged& pose : judged) {
       const bool alike = std::any_of(accepted.begin(), accepted.end(), [&](const Judged* other) {
-        const Rigid3& a = pose.fit.world_from_object;
-        const Rigid3& b = other->fit.world_from_object;
-        return (a * bank_.model().center() - b * bank_.model().center()).norm() <
-                   0.5 * bank_.model().radius() &&
-               rotation_angle(a, b) < 0.5;
+        return alike_poses(pose, *other);
       });
       if (alike) continue;
-      const bool possible =
-          acceptable(pose) && pose.evidence >= options_.margin * judged.front().evidence;
+      // A proposal that no outline speaks for is no answer, but leaves the answer in doubt.
+      const bool possible = (acceptable(pose) || pose.proposal != nullptr) &&
+                            pose.evidence >= options_.margin * judged.front().evidence;
       if (possible && accepted.size() < 8) {
         accepted.push_back(&pose);
       } else {
@@ -497,7 +536,7 @@ class ObjectDetector::Impl {
 
   void observe(const std::vector<const Judged*>& poses, Detection& out) const {
     for (size_t i = 0; i < active_.size(); ++i) {
-      if (camera_evidence(poses.front()->fit.cameras[i]) < kLeastCameraEvidence) continue;
+      if (!measured_by(*poses.front(), i)) continue;
       const FrameInfo& info = seen_[active_[i]].info;
       Observation observation;
       observation.object = object_;
@@ -507,9 +546,15 @@ class ObjectDetector::Impl {
       observation.capture = info.capture;
       observation.capture_error = info.capture_error;
       std::vector<FrozenTerm> terms;
+      int residuals = 0;
       for (const Judged* pose : poses) {
         const Rigid3 here = pose->fit.at(fit_cameras_[i].seconds);
-        const LinearizedTerm term = measured(pose->fit.cameras[i]);
+        LinearizedTerm term = measured(*pose, i, here);
+        if (!terms.empty()) {  // alike as far as this picture knows
+          term.cost = observation.hypotheses.front().cost;
+          term.residuals = residuals;
+        }
+        residuals = term.residuals;
         terms.emplace_back(here, term);
         observation.hypotheses.push_back({here, term.cost});
       }
@@ -519,6 +564,21 @@ class ObjectDetector::Impl {
     std::stable_sort(
         out.observations.begin(), out.observations.end(),
         [](const Observation& a, const Observation& b) { return a.capture < b.capture; });
+  }
+
+  // Whether the active camera has something to say of the pose.
+  bool measured_by(const Judged& pose, size_t camera) const {
+    if (pose.proposal == nullptr) {
+      return camera_evidence(pose.fit.cameras[camera]) >= kLeastCameraEvidence;
+    }
+    return pose.proposal->terms[active_[camera]] != nullptr;
+  }
+
+  LinearizedTerm measured(const Judged& pose, size_t camera, const Rigid3& here) const {
+    if (pose.proposal != nullptr && pose.proposal->terms[active_[camera]] != nullptr) {
+      return pose.proposal->terms[active_[camera]]->linearize(here);
+    }
+    return measured(pose.fit.cameras[camera]);
   }
 
   // The lines' information in the noise they have, and as if they were no more than they are
@@ -571,6 +631,7 @@ void ObjectDetector::add_frame(CameraId camera, const Frame& frame,
   impl_->add_frame(camera, frame, foreground);
 }
 Detection ObjectDetector::detect() { return impl_->detect(); }
+Detection ObjectDetector::judge(const Proposals& proposals) { return impl_->judge(proposals); }
 Detection ObjectDetector::follow(const Detection& earlier) { return impl_->follow(earlier); }
 
 }  // namespace sightline

@@ -16,6 +16,7 @@ constexpr double kTwistAngular = 3.5;  // [rad/s]
 constexpr double kAgrees = 1.3;        // [half-size px]
 constexpr double kWeakEdge = 0.4;      // of the threshold, where what is new ends
 constexpr double kHuber = 2.0;         // [sigma]
+constexpr double kLookReach = 3.0;     // [half-size px] of the last step, and of a mere look
 constexpr int kEveryLine = 2;          // every second sample is enough
 constexpr int kColourSteps = 8;        // samples on either side of the outline
 constexpr int kColourBins = 8;         // of each channel
@@ -258,7 +259,7 @@ PoseFit PoseFitter::fit(const Rigid3& start, const Vector6& twist, double reach)
   out.cameras.resize(cameras_.size());
   for (int iteration = 0; iteration < 8; ++iteration) {
     const bool last = iteration == 7;
-    const double look = std::max(3.0, reach * std::pow(0.8, iteration));
+    const double look = std::max(kLookReach, reach * std::pow(0.8, iteration));
     Matrix12 system = Matrix12::Zero();
     Vector12 right = Vector12::Zero();
     system.diagonal().head<6>().setConstant(1e-3);
@@ -286,6 +287,19 @@ PoseFit PoseFitter::fit(const Rigid3& start, const Vector6& twist, double reach)
   }
   for (size_t i = 0; i < cameras_.size(); ++i) {
     out.cameras[i].inside_outside = inside_outside(cameras_[i], out.at(cameras_[i].seconds));
+  }
+  return out;
+}
+
+PoseFit PoseFitter::look(const Rigid3& world_from_object, const Vector6& twist) const {
+  PoseFit out;
+  out.world_from_object = world_from_object;
+  out.twist = twist;
+  out.cameras.resize(cameras_.size());
+  for (size_t i = 0; i < cameras_.size(); ++i) {
+    const Rigid3 here = out.at(cameras_[i].seconds);
+    add_lines(cameras_[i], here, kLookReach, 1.0, out.cameras[i]);
+    out.cameras[i].inside_outside = inside_outside(cameras_[i], here);
   }
   return out;
 }

@@ -51,6 +51,8 @@ class PoseFitter {
       : model_(model), cameras_(cameras) {}
 
   PoseFit fit(const Rigid3& start, const Vector6& twist, double reach) const;
+  /// What the pictures say of a pose as it is.
+  PoseFit look(const Rigid3& world_from_object, const Vector6& twist) const;
 
  private:
   using Matrix12 = Eigen::Matrix<double, 12, 12>;

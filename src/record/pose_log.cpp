@@ -227,4 +227,32 @@ Result<std::vector<TruthRow>> read_truth(const std::filesystem::path& path) {
   return parse_truth(text, path.string());
 }
 
+Result<std::vector<PictureRow>> parse_picture_list(std::string_view text,
+                                                   const std::filesystem::path& path) {
+  constexpr std::string_view kHeader = "picture,camera,tx,ty,tz,qw,qx,qy,qz";
+  const std::string where = path.string();
+  CsvLines lines(text);
+  SL_RETURN_IF_ERROR(check_header(lines.next(), kHeader, where));
+  std::vector<PictureRow> rows;
+  std::vector<std::string_view> fields;
+  while (const auto line = lines.next()) {
+    split_fields(line->text, fields);
+    SL_RETURN_IF_ERROR(check_field_count(fields.size(), 9, kHeader, where, line->number));
+    if (fields[0].empty() || fields[1].empty()) {
+      return make_error(ErrorCode::kInvalidInput, line_of(where, line->number), "names no {}",
+                        fields[0].empty() ? "picture" : "camera");
+    }
+    PictureRow row{path.parent_path() / fields[0], std::string(fields[1]), {}, line->number};
+    SL_ASSIGN(row.world_from_object, parse_pose(fields, 2, where, line->number));
+    rows.push_back(std::move(row));
+  }
+  if (!rows.empty()) return rows;
+  return make_error(ErrorCode::kInvalidInput, where, "lists no picture");
+}
+
+Result<std::vector<PictureRow>> read_picture_list(const std::filesystem::path& path) {
+  SL_ASSIGN(const std::string text, read_file(path));
+  return parse_picture_list(text, path);
+}
+
 }  // namespace sightline

@@ -120,6 +120,8 @@ TEST(ObjectFile, EveryMistakeHasItsPlace) {
       {"dictionary", replaced(board, "4X4_1000", "4X4_1001"), "10:14", "did you mean \"4X4_100"},
       {"symmetry", tag + "symetry = \"axis\"\n", "9:1", "unknown key \"symetry\""},
       {"symmetry kind", "symmetry = \"all\"\n" + tag, "1:12", "\"none\", \"axis\""},
+      {"missing features", "features = \"missing.feat\"\n" + tag, "1:12",
+       "there is no file objects/missing.feat (sightline teach makes it)"},
       {"axis", "symmetry_axis = [0, 0, 0]\n" + tag, "1:17", "a direction"},
       {"order", "symmetry = \"discrete\"\n" + tag, "1:1", "needs \"symmetry_order\""},
   };

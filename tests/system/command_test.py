@@ -141,6 +141,75 @@ class StereoPoints(TemporaryFolder):
         self.assertGreater(int(nearest[4]), int(nearest[5]))  # near is green
 
 
+class Teach(TemporaryFolder):
+    """An object is taught on some pictures and found in others."""
+
+    def teach(self, *arguments):
+        taught = self.path("carton.feat")
+        return taught, json.loads(sightline("teach", *arguments, taught, "--json")[0])
+
+    def evaluate(self, *arguments):
+        poses = self.path("poses.csv")
+        sightline("replay", BENCH, "--cues", "region,edge,texture", "--poses", poses, *arguments)
+        return json.loads(sightline("evaluate", os.path.join(BENCH, "truth.csv"), poses, "--json")[0])["objects"][0]
+
+    def object_file(self, name, **keys):
+        keys = {"name": "carton", "mesh": os.path.join(BENCH, "objects", "carton.obj"), "unit": "m", **keys}
+        return self.write(name, "".join(f'{key} = "{value}"\n' for key, value in keys.items()))
+
+    def test_taught_in_the_first_second_found_without_markers(self):
+        taught, answer = self.teach(BENCH, "--camera", "left", "--to", "0.5")
+        self.assertEqual(answer["pictures"], 4)
+        self.assertGreater(answer["features"], 300)
+        found = self.evaluate("--features", "carton=" + taught)
+        self.assertEqual(found["wrong_claims"], 0)
+        self.assertGreaterEqual(found["covered"], 89)
+
+    def test_teaches_from_stills(self):
+        with open(os.path.join(BENCH, "truth.csv"), encoding="utf-8") as file:
+            truth = list(csv.DictReader(file))
+        rows = "picture,camera,tx,ty,tz,qw,qx,qy,qz\n"
+        for frame in (0, 30):
+            picture = self.path(f"{frame}.png")
+            subprocess.run(["ffmpeg", "-nostdin", "-loglevel", "error", "-i", os.path.join(BENCH, "right.mkv"), "-vf",
+                            f"select=eq(n\\,{frame})", "-frames:v", "1", picture], check=True, timeout=WAIT_S)
+            rows += f"{frame}.png,right," + ",".join(truth[frame][k] for k in "tx ty tz qw qx qy qz".split()) + "\n"
+        pictures = self.write("pictures.csv", rows)
+        objects = ["--calibration", os.path.join(BENCH, "calibration.toml"), "--object",
+                   os.path.join(BENCH, "objects", "carton.toml")]
+        answer = self.teach(pictures, *objects)[1]
+        self.assertEqual(answer["pictures"], 2)
+        self.assertGreater(answer["features"], 200)
+        nowhere = self.write("wrong.csv", rows.replace("30.png,right", "30.png,above"))
+        self.assertIn("wrong.csv:3", sightline("teach", nowhere, self.path("x"), *objects, status=2)[1])
+        missing = self.write("missing.csv", rows.replace("30.png", "31.png"))
+        self.assertIn("31.png", sightline("teach", missing, self.path("x"), *objects, status=2)[1])
+        self.assertIn("--calibration", sightline("teach", pictures, self.path("x"), status=2)[1])
+
+    def test_what_is_stale_or_damaged_is_refused_by_name(self):
+        taught = self.teach(BENCH, "--camera", "left", "--to", "0.2")[0]
+        check = lambda object_file: self.write("rig.toml", installation(8554, 9754).replace(  # noqa: E731
+            f"{BENCH}/objects/carton.toml", object_file))
+        self.assertIn("ok", sightline("check", check(self.object_file("same.toml", features=taught)))[0])
+        text = sightline("check", check(self.object_file("other.toml", features=taught, unit="cm")), status=2)[1]
+        self.assertRegex(text, "carton.feat.*another mesh")
+        with open(taught, "r+b") as file:
+            file.seek(200)
+            file.write(b"?!")
+        self.assertRegex(sightline("replay", BENCH, "--features", taught, status=2)[1], "carton.feat.*checksum")
+        with open(taught, "r+b") as file:
+            file.write(b"SLFEATS9")
+        self.assertRegex(sightline("replay", BENCH, "--features", taught, status=2)[1], "carton.feat.*version")
+        self.assertIn("there is no object", sightline("replay", BENCH, "--features", "cup=x", status=2)[1])
+
+    def test_wrong_usage(self):
+        out = self.path("x.feat")
+        self.assertIn("above", sightline("teach", BENCH, out, "--camera", "above", status=2)[1])
+        self.assertIn("carton", sightline("teach", BENCH, out, "--object", "cup", status=2)[1])
+        self.assertIn("no feature", sightline("teach", BENCH, out, "--from", "99", status=2)[1])
+        self.assertFalse(os.path.exists(out))
+
+
 class Overlay(TemporaryFolder):
     def test_writes_a_video_per_camera(self):
         sightline("replay", BENCH, "--overlay", self.path("out"))

@@ -53,6 +53,7 @@ struct ObjectDescription {
   int symmetry_order = 1;                                    ///< turns of 360/n deg, for kDiscrete
   std::vector<Fiducial> fiducials;
   std::optional<CharucoBoard> board;
+  std::filesystem::path features;  ///< taught (sightline teach); empty: none
   Cues cues;
 };
 

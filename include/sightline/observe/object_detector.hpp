@@ -57,6 +57,18 @@ struct Detection {
   double runner_up = 0;  ///< evidence of the best pose that was not accepted
 };
 
+/// A pose that something beside the outline proposes: taught features.
+struct ProposedPose {
+  Rigid3 world_from_object;  ///< at the time of the proposals
+  Vector6 twist = Vector6::Zero();
+  double evidence = 0;             ///< of its own; 1 is as good as two cameras' outlines
+  std::vector<PoseTermPtr> terms;  ///< by camera of the detector, what it measured; null: nothing
+};
+struct Proposals {
+  Time time{};
+  std::vector<ProposedPose> poses;  ///< best first
+};
+
 /// Finds one object anywhere in the pictures of a calibrated rig: from its mesh alone, without
 /// training or prior pose. Every view, turn, distance and place is tried in one camera
 /// (a different one each time) on edge directions, the best in all cameras jointly; the best of
@@ -88,6 +100,12 @@ class ObjectDetector {
   /// Looks for the object in the newest frames; pictures that are older than the newest one by more
   /// than 100 ms do not take part. About 0.3 s of CPU, less where backgrounds are known.
   Detection detect();
+
+  /// The same test for poses that were found otherwise, in the same frames: what their terms say
+  /// and how well outline and colours agree there count together, and the best one needs the same
+  /// margin over all others and over itself turned over. The poses stay where they are proposed.
+  /// One camera is enough if the proposals' own evidence is. A few milliseconds.
+  Detection judge(const Proposals& proposals);
 
   /// Moves accepted poses of an earlier detection to the newest frames and judges them again.
   /// A few milliseconds.

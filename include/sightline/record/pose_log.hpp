@@ -66,4 +66,18 @@ struct TruthRow {
 Result<std::vector<TruthRow>> read_truth(const std::filesystem::path& path);
 Result<std::vector<TruthRow>> parse_truth(std::string_view text, const std::string& where);
 
+/// A still picture in which an object's pose is known.
+struct PictureRow {
+  std::filesystem::path picture;
+  std::string camera;  ///< of the calibration
+  Rigid3 world_from_object;
+  size_t line = 0;
+};
+
+/// Reads a list of pictures: `picture,camera,tx,ty,tz,qw,qx,qy,qz`; names of pictures are relative
+/// to the list. Strict; an empty list is refused.
+Result<std::vector<PictureRow>> read_picture_list(const std::filesystem::path& path);
+Result<std::vector<PictureRow>> parse_picture_list(std::string_view text,
+                                                   const std::filesystem::path& path);
+
 }  // namespace sightline

@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: Apache-2.0
+// How well one look at the pictures finds an object by what it was taught (sightline teach): every
+// set of frames of a recording with truth is searched by itself, as if nothing were known.
+//   detect_recording RECORDING FEATURES [--from S] [--to S] [--cameras A,B] [--every N] [-v]
+#include <fmt/format.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <ctime>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "object_views.hpp"
+#include "rig.hpp"
+#include "sightline/observe/feature_detector.hpp"
+#include "sightline/observe/object_detector.hpp"
+#include "sightline/record/evaluate.hpp"
+#include "sightline/record/replay.hpp"
+
+namespace sightline {
+namespace {
+
+struct Arguments {
+  std::filesystem::path recording, features;
+  double from = 0, to = 1e9;
+  std::string cameras;
+  size_t every = 1;
+  bool verbose = false;
+};
+
+double cpu_ms() {
+  timespec now{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) * 1e3 + static_cast<double>(now.tv_nsec) * 1e-6;
+}
+
+double quantile(std::vector<double> values, double q) {
+  if (values.empty()) return 0;
+  std::sort(values.begin(), values.end());
+  return values[static_cast<size_t>(q * static_cast<double>(values.size() - 1))];
+}
+
+struct Score {
+  size_t sets = 0, found = 0, several = 0, without_truth_pose = 0, wrong = 0;
+  std::vector<double> mm, deg, squared, cpu;
+};
+
+// What the observations say together of the pose of the last of them.
+double error_over_covariance(const Detection& detection, const Rigid3& truth) {
+  Matrix6 information = Matrix6::Zero();
+  Vector6 gradient = Vector6::Zero();
+  for (const Observation& observation : detection.observations) {
+    for (const PoseTermPtr& term : observation.terms) {
+      const LinearizedTerm at = term->linearize(truth);
+      information += at.information;
+      gradient += at.gradient;
+    }
+  }
+  return gradient.dot(information.ldlt().solve(gradient));
+}
+
+Result<Score> play(const Arguments& arguments) {
+  SL_ASSIGN(Recording opened, open_recording(arguments.recording));
+  const auto recording = std::make_shared<const Recording>(std::move(opened));
+  if (!recording->truth) {
+    return make_error(ErrorCode::kInvalidInput, arguments.recording.string(), "has no truth.csv");
+  }
+  SL_ASSIGN(const auto rows, read_truth(*recording->truth));
+  SL_ASSIGN(Installation installation, recording_installation(arguments.recording));
+  ObjectDescription& description = installation.objects.front().description;
+  description.cues = {false, true, true, true};
+  description.features = arguments.features;
+  SL_ASSIGN(const Rig rig, load_rig(installation));
+  std::map<Time, Rigid3> truth;
+  for (const TruthRow& row : rows) {
+    if (row.object == description.name) truth[row.time] = row.world_from_object;
+  }
+  std::vector<DetectorCamera> cameras;
+  for (size_t i = 0; i < installation.cameras.size(); ++i) {
+    const bool wanted =
+        arguments.cameras.empty() ||
+        ("," + arguments.cameras + ",").find("," + installation.cameras[i].name + ",") !=
+            std::string::npos;
+    if (!wanted) continue;
+    cameras.push_back({CameraId(static_cast<uint32_t>(i)), installation.cameras[i].calibration});
+  }
+  SL_ASSIGN(auto views, load_views(rig.objects.front(), cache_folder()));
+  SL_ASSIGN(auto finder, FeatureDetector::create(rig.objects.front().features, cameras));
+  SL_ASSIGN(auto judge, ObjectDetector::create(ObjectId(0), views, cameras));
+  SL_ASSIGN(auto replay, VirtualReplay::open(recording));
+  Score score;
+  std::optional<Time> start;
+  for (size_t set = 0;; ++set) {
+    SL_ASSIGN(const auto frames, replay->next());
+    if (!frames) break;
+    const Time time = frames->front()->info().capture;
+    if (!start) start = time;
+    const double seconds = to_seconds(time - *start);
+    for (const FramePtr& frame : *frames) {
+      finder->add_frame(frame->info().camera, *frame);
+      judge->add_frame(frame->info().camera, *frame);
+    }
+    if (seconds < arguments.from || seconds > arguments.to || set % arguments.every != 0) continue;
+    const double before = cpu_ms();
+    const Proposals proposals = finder->propose();
+    const Detection found = judge->judge(proposals);
+    score.cpu.push_back(cpu_ms() - before);
+    ++score.sets;
+    std::string line = fmt::format("{:6.3f} s: ", seconds);
+    if (found.poses.empty()) {
+      line += fmt::format("not found ({} proposals, best {:.2f})", proposals.poses.size(),
+                          proposals.poses.empty() ? 0 : proposals.poses[0].evidence);
+    } else if (const auto at = truth.find(found.time); at != truth.end()) {
+      const PoseError error = pose_error(at->second, found.poses.front().world_from_object);
+      const double squared = error_over_covariance(found, at->second);
+      const bool single = found.poses.size() == 1;
+      (single ? score.found : score.several)++;
+      if (single) {
+        score.mm.push_back(error.mm);
+        score.deg.push_back(error.deg);
+        score.squared.push_back(squared);
+        score.wrong += error.mm > 20 || error.deg > 6;
+      } else {
+        const bool there =
+            std::any_of(found.poses.begin(), found.poses.end(), [&](const DetectedPose& pose) {
+              const PoseError e = pose_error(at->second, pose.world_from_object);
+              return e.mm < 20 && e.deg < 6;
+            });
+        score.without_truth_pose += !there;
+      }
+      line += fmt::format(
+          "{} pose(s), {} camera(s), evidence {:.2f} (runner-up {:.2f}), {:.2f} mm {:.2f} deg, "
+          "chi-square {:.1f}",
+          found.poses.size(), found.observations.size(), found.poses[0].evidence, found.runner_up,
+          error.mm, error.deg, squared);
+    }
+    for (const ProposedPose& pose : proposals.poses) line += fmt::format(" p{:.2f}", pose.evidence);
+    for (const DetectedPose& pose : found.poses) line += fmt::format(" d{:.2f}", pose.evidence);
+    if (arguments.verbose) fmt::print("{}\n", line);
+  }
+  return score;
+}
+
+int run(int argc, char** argv) {
+  Arguments arguments;
+  std::vector<std::string> named;
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    const char* value = i + 1 < argc ? argv[i + 1] : "";
+    if (argument == "-v") {
+      arguments.verbose = true;
+    } else if (argument == "--from") {
+      arguments.from = std::atof(value), ++i;
+    } else if (argument == "--to") {
+      arguments.to = std::atof(value), ++i;
+    } else if (argument == "--cameras") {
+      arguments.cameras = value, ++i;
+    } else if (argument == "--every") {
+      arguments.every = static_cast<size_t>(std::max(1, std::atoi(value))), ++i;
+    } else {
+      named.push_back(argument);
+    }
+  }
+  if (named.size() != 2) {
+    fmt::print(stderr,
+               "usage: detect_recording RECORDING FEATURES [--from S] [--to S] "
+               "[--cameras A,B] [--every N] [-v]\n");
+    return 2;
+  }
+  arguments.recording = named[0];
+  arguments.features = named[1];
+  const auto score = play(arguments);
+  if (!score) {
+    fmt::print(stderr, "detect_recording: {}\n", score.error().message());
+    return exit_code(score.error());
+  }
+  fmt::print(
+      "found in {} of {} looks, wrong (20 mm, 6 deg) {}; several poses in {}, without the right "
+      "one "
+      "{}\n{:.2f} mm {:.2f} deg (median), {:.2f} mm {:.2f} deg (95 %); chi-square median {:.1f} "
+      "(5.3 expected), 90 % {:.1f} (10.6)\nCPU of a look: median {:.0f} ms\n",
+      score->found, score->sets, score->wrong, score->several, score->without_truth_pose,
+      quantile(score->mm, 0.5), quantile(score->deg, 0.5), quantile(score->mm, 0.95),
+      quantile(score->deg, 0.95), quantile(score->squared, 0.5), quantile(score->squared, 0.9),
+      quantile(score->cpu, 0.5));
+  return 0;
+}
+
+}  // namespace
+}  // namespace sightline
+
+int main(int argc, char** argv) { return sightline::run(argc, argv); }
