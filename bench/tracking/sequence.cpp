@@ -105,7 +105,9 @@ class Chain {
     for (const FramePtr& frame : frames) search_->add_frame(frame->info().camera, *frame, tracks_);
     const Time now = frames.front()->info().capture;
     if (!search_->due(now, tracks_)) return false;
+    found_ = false;
     for (Observation& found : search_->search(now, tracks_)) {
+      found_ = true;
       if (found.capture != now) {
         fuse({&found, 1});
         continue;
@@ -116,6 +118,8 @@ class Chain {
     }
     return true;
   }
+  /// The newest search found something.
+  bool found() const { return found_; }
   UpdateReport fuse(std::span<const Observation> set) {
     const UpdateReport report = estimator_->process(set);
     tracks_ = {estimator_->track()};
@@ -135,6 +139,7 @@ class Chain {
   std::unique_ptr<ObjectSearch> search_;
   std::vector<PoseTrackPtr> tracks_;
   bool told_ = true;
+  bool found_ = false;
 };
 
 Sample judge(const PoseEstimate& estimate, const Rigid3& truth, const Rigid3& world_from_camera,
@@ -193,7 +198,9 @@ Result<Played> play(const Condition& condition, uint64_t seed, const PlayOptions
     const double before_search = cpu_ms();
     if (chain->search(frames, set)) {
       ++played.searches;
-      played.detect_ms += cpu_ms() - before_search;
+      const double took = cpu_ms() - before_search;
+      played.detect_ms += took;
+      if (chain->found()) played.find_ms.push_back(took);
     }
     const double before = cpu_ms();
     const UpdateReport report = chain->fuse(set);

@@ -27,6 +27,7 @@ struct Played {
   std::vector<double> look_ms;  ///< CPU of one camera's frame: everything that observes
   std::vector<double> fuse_ms;  ///< CPU of one set
   double detect_ms = 0;         ///< CPU of one search, mean
+  std::vector<double> find_ms;  ///< CPU of each search that found something
   size_t searches = 0;
   size_t faces = 0;
 };
