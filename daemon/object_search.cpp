@@ -184,7 +184,7 @@ std::vector<Observation> ObjectSearch::search(Time now, std::span<const PoseTrac
     if (!due(wanted, now, tracks)) continue;
     wanted.last = now;
     wanted.searched = true;
-    if (wanted.features) wanted.found = found_by_print(wanted);
+    if (wanted.features) wanted.found = found_by_print(wanted, wanted.features->propose());
     wanted.by_print = !wanted.found.poses.empty();
     if (!wanted.by_print) {
       wanted.found =
@@ -196,8 +196,8 @@ std::vector<Observation> ObjectSearch::search(Time now, std::span<const PoseTrac
 }
 
 // A print says more than an outline, and sooner.
-Detection ObjectSearch::found_by_print(Wanted& wanted) {
-  Detection found = wanted.detector->judge(wanted.features->propose());
+Detection ObjectSearch::found_by_print(Wanted& wanted, const Proposals& proposals) {
+  Detection found = wanted.detector->judge(proposals);
   if (wanted.look) wanted.look->resolve(found);
   tell_sides(wanted.lookalikes, found);
   return found;
@@ -207,7 +207,9 @@ std::vector<Observation> ObjectSearch::follow() {
   std::vector<Observation> out;
   for (Wanted& wanted : wanted_) {
     if (wanted.found.poses.empty()) continue;
-    if (!wanted.by_print) {
+    if (wanted.by_print) {
+      wanted.found = found_by_print(wanted, wanted.features->propose_near(wanted.found));
+    } else {
       wanted.found = believed(wanted.detector->follow(wanted.found), wanted.look.get(),
                               wanted.lookalikes, accept_);
     }

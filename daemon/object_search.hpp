@@ -38,8 +38,7 @@ class ObjectSearch {
   /// of the frames, in order of time.
   std::vector<Observation> search(Time now, std::span<const PoseTrackPtr> tracks);
   /// The same poses in newer frames, which may have come while the search ran. Replaces what
-  /// search() returned; empty if they are not there any more. What was found by its print is
-  /// returned as it was: that search is quick enough.
+  /// search() returned; empty if they are not there any more.
   std::vector<Observation> follow();
 
   static constexpr Duration kBlindAfter = std::chrono::milliseconds(150);
@@ -62,7 +61,7 @@ class ObjectSearch {
   static bool missing(const Wanted& wanted, Time now, std::span<const PoseTrackPtr> tracks);
   /// Objects whose place is known at a time; `coasting`: also those that are only predicted.
   void find_known(Time time, std::span<const PoseTrackPtr> tracks, bool coasting);
-  static Detection found_by_print(Wanted& wanted);
+  static Detection found_by_print(Wanted& wanted, const Proposals& proposals);
 
   Duration interval_{};
   double accept_ = 0;

@@ -3,9 +3,11 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "feature_match.hpp"
 #include "orb_features.hpp"
@@ -24,6 +26,8 @@ constexpr Duration kTogether = std::chrono::milliseconds(100);
 constexpr double kSamePixel = 2.0;    // neighbours at several scales ...
 constexpr double kSamePlace = 0.004;  // ... of one place [m] are one match
 
+constexpr double kStray = 0.08;     // [m] that it may have moved otherwise
+constexpr int kLeastOfPlace = 500;  // features
 constexpr size_t kLeastOfView = 8;  // matches with which it has a say
 
 struct Seen {
@@ -60,6 +64,12 @@ class FeatureDetector::Impl {
                        {},
                        false});
     }
+    for (const TaughtFeature& feature : model_->features) {
+      middle_ += feature.point.cast<double>() / static_cast<double>(model_->features.size());
+    }
+    for (const TaughtFeature& feature : model_->features) {
+      radius_ = std::max(radius_, (feature.point.cast<double>() - middle_).norm());
+    }
   }
 
   void add_frame(CameraId camera, const Frame& frame) {
@@ -81,7 +91,8 @@ class FeatureDetector::Impl {
     }
   }
 
-  Proposals propose() {
+  // `earlier`: look around its poses; null: everywhere.
+  Proposals propose(const Detection* earlier) {
     Proposals out;
     std::vector<RigView> views;
     std::vector<size_t> cameras;  // by view
@@ -93,7 +104,8 @@ class FeatureDetector::Impl {
       Seen& seen = seen_[i];
       if (!seen.fresh || out.time - seen.info.capture > kTogether) continue;
       seen.fresh = false;
-      match(seen, views.size(), matches);
+      const auto place = earlier == nullptr ? whole(seen) : place_of(*earlier, seen);
+      if (place) match(seen, views.size(), *place, matches);
       views.push_back({seen.calibration, to_seconds(seen.info.capture - out.time)});
       cameras.push_back(i);
     }
@@ -119,12 +131,45 @@ class FeatureDetector::Impl {
     return out;
   }
 
+  struct Box {
+    int x0, y0, x1, y1;
+    int most;  // features
+  };
+  std::optional<Box> whole(const Seen& seen) const {
+    const CameraModel& camera = seen.calibration->model;
+    return Box{0, 0, camera.width(), camera.height(), options_.per_picture};
+  }
+
+  // Where a camera sees the object at the newest frame's time, if it has gone on as it did.
+  std::optional<Box> place_of(const Detection& earlier, const Seen& seen) const {
+    const CameraModel& camera = seen.calibration->model;
+    const Rigid3 camera_from_world = seen.calibration->world_from_camera.inverse();
+    const double seconds = to_seconds(seen.info.capture - earlier.time);
+    Eigen::AlignedBox2d box;
+    for (const DetectedPose& pose : earlier.poses) {
+      const Rigid3 moved = pose.world_from_object * Rigid3::exp(pose.twist * seconds);
+      const Eigen::Vector3d middle = camera_from_world * (moved * middle_);
+      const auto pixel = camera.project(middle);
+      if (!pixel) continue;
+      const double reach = camera.parameters().fx * (radius_ + kStray) / middle.norm();
+      box.extend(*pixel - Eigen::Vector2d::Constant(reach));
+      box.extend(*pixel + Eigen::Vector2d::Constant(reach));
+    }
+    const Eigen::AlignedBox2d picture(Eigen::Vector2d::Zero(),
+                                      Eigen::Vector2d(camera.width(), camera.height()));
+    const Eigen::AlignedBox2d seen_part = box.intersection(picture);
+    if (box.isEmpty() || seen_part.isEmpty()) return std::nullopt;
+    const Eigen::Vector2i low = seen_part.min().cast<int>(), high = seen_part.max().cast<int>();
+    return Box{low.x(), low.y(), high.x(), high.y(),
+               std::max(kLeastOfPlace, options_.per_picture / 4)};
+  }
+
   // One match for every place of the picture and of the object, the one that differs least.
-  void match(const Seen& seen, size_t view, std::vector<RigMatch>& out) const {
+  void match(const Seen& seen, size_t view, const Box& place, std::vector<RigMatch>& out) const {
     const CameraModel& camera = seen.calibration->model;
     const PlaneView grey{seen.grey.data(), camera.width(), camera.height(), camera.width()};
     const auto features =
-        observe::orb_features(grey, 0, 0, grey.width, grey.height, options_.per_picture, nullptr);
+        observe::orb_features(grey, place.x0, place.y0, place.x1, place.y1, place.most, nullptr);
     std::vector<NearestTaught> nearest(features.size());
     observe::match_features(features, model_->features, static_cast<float>(options_.elsewhere),
                             nearest);
@@ -207,6 +252,8 @@ class FeatureDetector::Impl {
   std::shared_ptr<const FeatureModel> model_;
   FeatureDetectorOptions options_;
   std::vector<Seen> seen_;
+  Eigen::Vector3d middle_ = Eigen::Vector3d::Zero();  // of the taught places, object frame
+  double radius_ = 0;                                 // about it
 };
 
 Result<std::unique_ptr<FeatureDetector>> FeatureDetector::create(
@@ -231,6 +278,9 @@ FeatureDetector::~FeatureDetector() = default;
 void FeatureDetector::add_frame(CameraId camera, const Frame& frame) {
   impl_->add_frame(camera, frame);
 }
-Proposals FeatureDetector::propose() { return impl_->propose(); }
+Proposals FeatureDetector::propose() { return impl_->propose(nullptr); }
+Proposals FeatureDetector::propose_near(const Detection& earlier) {
+  return earlier.poses.empty() ? Proposals() : impl_->propose(&earlier);
+}
 
 }  // namespace sightline

@@ -122,6 +122,7 @@ class ObjectDetector::Impl {
     Detection out;
     const bool focused = !everywhere_next_ && sees_something_new();
     if (!look(out.time, focused)) return out;
+    make_maps();
     const size_t seed = choose_seed(focused);
     out.time = seen_[active_[seed]].info.capture;
     set_times(out.time);
@@ -164,6 +165,7 @@ class ObjectDetector::Impl {
   Detection follow(const Detection& earlier) {
     Detection out;
     if (earlier.poses.empty() || !look(out.time, false)) return out;
+    make_maps();
     set_times(out.time);
     const PoseFitter fitter(bank_.model(), fit_cameras_);
     const JointSearch search(bank_, search_cameras_);
@@ -330,13 +332,20 @@ class ObjectDetector::Impl {
       search.camera = &camera;
       search.camera_from_world = camera.world_from_camera.inverse();
       search.shrink = kMapShrink;
-      for (int spread = 0; spread < SearchCamera::kSpreads; ++spread) {
-        search.maps[static_cast<size_t>(spread)].compute(edges_[i], spread + 1, margin_);
-      }
       fit_cameras_[i] = {&camera, search.camera_from_world, &picture, &edges_[i], 0, foreground};
     }
     find_silhouette_cameras();
     return !active_.empty();
+  }
+
+  // What searching and climbing need beside the edges.
+  void make_maps() {
+    for (size_t i = 0; i < active_.size(); ++i) {
+      for (int spread = 0; spread < SearchCamera::kSpreads; ++spread) {
+        search_cameras_[i].maps[static_cast<size_t>(spread)].compute(edges_[i], spread + 1,
+                                                                     margin_);
+      }
+    }
   }
 
   void find_silhouette_cameras() {

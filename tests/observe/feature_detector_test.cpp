@@ -224,6 +224,34 @@ TEST(FeatureDetector, LooksAtEveryFrameOnceAndLeavesOutDamagedOnes) {
   EXPECT_TRUE(finder->propose().poses.empty());
 }
 
+// What was found a frame ago is found again where it must be, and nothing is where it was not.
+TEST(FeatureDetector, FollowsWhatItFound) {
+  const SceneRig rig(tumbling(5, 8));
+  auto finder = FeatureDetector::create(carton_model(), cameras_of(rig)).value();
+  const auto sets = rig.sets();
+  const auto add = [&](size_t set) {
+    for (const test::SceneShot& shot : sets[set]) {
+      finder->add_frame(CameraId(static_cast<uint32_t>(shot.camera)), *rig.shoot(shot));
+    }
+    return rig.truth(sets[set][0].true_capture);
+  };
+  const Rigid3 before = add(0);
+  EXPECT_TRUE(finder->propose_near({}).poses.empty());
+  const Proposals first = finder->propose();
+  ASSERT_FALSE(first.poses.empty());
+  Detection found;
+  found.time = first.time;
+  found.poses.push_back({before, Vector6::Zero(), 1, 2});
+  const Rigid3 after = add(1);
+  const Proposals next = finder->propose_near(found);
+  ASSERT_FALSE(next.poses.empty());
+  EXPECT_LT(rotation_angle(next.poses[0].world_from_object, after), 3 * kDegree);
+  EXPECT_LT(translation_distance(next.poses[0].world_from_object, after), 0.01);
+  found.poses[0].world_from_object.translation += Eigen::Vector3d(0.25, -0.25, 0.2);
+  add(2);
+  EXPECT_TRUE(finder->propose_near(found).poses.empty());
+}
+
 // A pose that the features do not determine, or that no outline agrees with, is no answer.
 TEST(ObjectDetector, ProposalsAreJudgedByTheOutlineToo) {
   const SceneRig rig(tumbling(5));
