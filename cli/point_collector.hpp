@@ -2,17 +2,14 @@
 #pragma once
 
 #include <filesystem>
-#include <map>
 #include <memory>
-#include <optional>
 #include <span>
 #include <vector>
 
+#include "object_points.hpp"
+#include "point_picture.hpp"
 #include "rig.hpp"
-#include "sightline/geometry/mesh_distance.hpp"
-#include "sightline/model/depth_renderer.hpp"
 #include "sightline/model/frame.hpp"
-#include "sightline/observe/stereo_points.hpp"
 #include "sightline/record/point_cloud.hpp"
 #include "sightline/render/point_marks.hpp"
 
@@ -29,12 +26,10 @@ struct PointSummary {
   double p90_mm = 0;
 };
 
-/// Makes stereo points of every tracked object while a recording is replayed. Pairs of cameras are
-/// chosen by where the object is; frames of free-running cameras come together by its motion.
+/// Collects the stereo points of every tracked object while a recording is replayed.
 class PointCollector {
  public:
-  static Result<std::unique_ptr<PointCollector>> create(const Installation& installation,
-                                                        const Rig& rig);
+  PointCollector(const Installation& installation, const Rig& rig);
 
   /// Frames of one capture time, whose CameraId is that of the installation, after fusion.
   void step(std::span<const std::pair<CameraId, FramePtr>> frames,
@@ -51,23 +46,11 @@ class PointCollector {
     Time time{};
     double depth = 0;
   };
-  struct Object {
-    ObjectId id;
-    Eigen::Vector3d center;
-    double radius = 0;
-    std::unique_ptr<MeshDistance> surface;
-    std::vector<std::unique_ptr<DepthRenderer>> outline;  ///< by CameraId
-    std::map<std::pair<size_t, size_t>, Time> done;       ///< newest time of every pair
-  };
-  void look(Object& object, const PoseTrack& track);
-  void find(Object& object, const PoseTrack& track, size_t first, size_t second);
-  void judge(const Object& object, const Rigid3& world_from_object, size_t camera,
-             const Rigid3& world_from_camera, std::span<const ScenePoint> points);
+  void keep(const ObjectPoints::Found& found);
 
   std::vector<CalibratedCamera> cameras_;  ///< by CameraId
-  std::vector<FramePtr> newest_;           ///< by CameraId
-  std::vector<Object> objects_;
-  StereoPointFinder finder_;
+  ObjectPoints finder_;
+  std::vector<ObjectPoints::Found> found_;  ///< of the newest step
   std::vector<Collected> collected_;
   std::vector<double> distances_;  ///< [m]
   std::vector<ScenePoint> shown_;

@@ -12,7 +12,6 @@ namespace sightline::cli {
 namespace {
 
 constexpr double kDefaultRate = 30;
-constexpr PointMarkStyle kPointStyle{2, 5};  // hundreds of points on an object of a hundred pixels
 
 // CPU time for the summary only; nothing that is computed depends on it.
 double cpu_ms() {
@@ -75,8 +74,10 @@ Result<std::unique_ptr<ReplayPipeline>> ReplayPipeline::create(
   pipeline->log_ = log;
   pipeline->png_folder_ = outputs.png;
   pipeline->points_file_ = outputs.points;
-  if (!outputs.points.empty()) {
-    SL_ASSIGN(pipeline->collector_, PointCollector::create(installation, pipeline->rig_));
+  const bool shown =
+      installation.points.overlay && (!outputs.video.empty() || !outputs.png.empty());
+  if (!outputs.points.empty() || shown) {
+    pipeline->collector_ = std::make_unique<PointCollector>(installation, pipeline->rig_);
   }
   return pipeline;
 }
@@ -231,7 +232,7 @@ Status ReplayPipeline::draw_one(const Frame& frame, Camera& camera) {
                         {hidden.get()});
   if (collector_) {
     collector_->marks(camera.id, frame.info().capture, marks_);
-    draw_point_marks(picture->mutable_view(), marks_, fit_depth_scale(marks_), kPointStyle);
+    draw_point_marks(picture->mutable_view(), marks_, fit_depth_scale(marks_), kManyPoints);
   }
   if (camera.video) {
     SL_RETURN_IF_ERROR(camera.video->append(picture->view(), frame.info().capture));
@@ -250,7 +251,7 @@ Status ReplayPipeline::finish() {
   }
   if (collector_) {
     summary_.points = collector_->summary();
-    SL_RETURN_IF_ERROR(collector_->write(points_file_));
+    if (!points_file_.empty()) SL_RETURN_IF_ERROR(collector_->write(points_file_));
   }
   return log_ != nullptr ? log_->close() : Status();
 }

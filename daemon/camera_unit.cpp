@@ -334,6 +334,12 @@ void CameraUnit::draw_one(const FramePtr& frame, CameraRenderer& renderer) {
   const HiddenDepthPtr hidden = hidden_.read();
   renderer.draw(picture->mutable_view(), frame->info().capture, draw_tracks_, annotated_.poses,
                 {hidden.get()});
+  if (parts_.points) {
+    marks_.clear();
+    const ScenePointsPtr points = parts_.points(frame->info().capture);
+    if (points) marks_of_points(*parts_.calibration, points->points, marks_);
+    draw_point_marks(picture->mutable_view(), marks_, fit_depth_scale(marks_), kManyPoints);
+  }
   annotated_.picture = std::move(picture);
   draw_seconds_.set(to_seconds(MonotonicClock::now() - start));
   parts_.output->accept(annotated_);

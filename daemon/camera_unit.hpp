@@ -12,6 +12,7 @@
 #include "camera_observer.hpp"
 #include "fusion_unit.hpp"
 #include "heartbeat.hpp"
+#include "point_picture.hpp"
 #include "sightline/base/counters.hpp"
 #include "sightline/base/latest_slot.hpp"
 #include "sightline/image/picture.hpp"
@@ -40,7 +41,10 @@ struct CameraParts {
   std::shared_ptr<StreamOutput> output;
   std::shared_ptr<TrackBoard> board;
   std::function<void(Observation)> on_observation;  ///< must not block
-  std::function<void(const FramePtr&)> on_frame;    ///< recorder; may be empty, must not block
+  /// Reconstructed points to draw at a capture time; empty: none are shown. Must not block.
+  std::function<ScenePointsPtr(Time)> points;
+  std::shared_ptr<const CalibratedCamera> calibration;  ///< set if `points` is
+  std::function<void(const FramePtr&)> on_frame;        ///< recorder; may be empty, must not block
 };
 
 struct CameraStatus {
@@ -111,6 +115,7 @@ class CameraUnit {
 
   std::vector<PoseTrackPtr> observe_tracks_, draw_tracks_;  // scratch of their threads
   std::vector<Observation> observations_;
+  std::vector<PointMark> marks_;  // scratch of the drawing thread
   AnnotatedPicture annotated_;
   AnnotatedPicture no_signal_;  // made once per loss
   Time no_signal_since_{};

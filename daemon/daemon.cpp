@@ -180,10 +180,16 @@ Status Daemon::start_camera(const Installation& installation, const Rig& rig, Ca
   parts.on_observation = [fusion = fusion_](Observation observation) {
     fusion->push(std::move(observation));
   };
-  parts.on_frame = [recorder = recorder_, search = search_](const FramePtr& frame) {
+  const auto points = observes(config.role) ? points_ : nullptr;
+  parts.on_frame = [recorder = recorder_, search = search_, points](const FramePtr& frame) {
     if (recorder) recorder->push(frame);
     if (search) search->push(frame);
+    if (points) points->push(frame);
   };
+  if (points_ && installation.points.overlay) {
+    parts.calibration = std::make_shared<const CalibratedCamera>(config.calibration);
+    parts.points = [shown = points_](Time time) { return shown->points_at(time); };
+  }
   auto unit = CameraUnit::start(std::move(parts), registry_, beats_);
   std::lock_guard lock(mutex_);
   cameras_[config.name] = std::move(unit);
@@ -221,6 +227,9 @@ Status Daemon::start_views(const Installation& installation, const Rig& rig,
     std::vector<std::string> names;
     for (const CameraConfig& camera : installation.cameras) names.push_back(camera.name);
     parts.present = [this, names] { return present(names); };
+    if (points_) {
+      parts.points = [shown = points_](Time time) { return shown->points_at(time); };
+    }
     auto unit = ViewUnit::start(std::move(parts), registry_, beats_);
     std::lock_guard lock(mutex_);
     views_.push_back(std::move(unit));
@@ -274,10 +283,24 @@ Status Daemon::start_pipeline(const Installation& installation, const Rig& rig,
         [fusion = fusion_](Observation found) { fusion->push(std::move(found)); }, registry_,
         beats_);
   }
+  start_points(installation, rig);
   for (CameraParts& camera : parts) {
     SL_RETURN_IF_ERROR(start_camera(installation, rig, std::move(camera)));
   }
   return {};
+}
+
+void Daemon::start_points(const Installation& installation, const Rig& rig) {
+  const auto observing =
+      std::count_if(installation.cameras.begin(), installation.cameras.end(),
+                    [](const CameraConfig& camera) { return observes(camera.role); });
+  std::shared_ptr<PointsUnit> unit;
+  if (options_.serve && installation.points.enabled && observing > 1 && !rig.objects.empty()) {
+    unit = PointsUnit::start(installation.points, std::make_unique<ObjectPoints>(installation, rig),
+                             installation.cameras.size(), rig.names(), board_, registry_, beats_);
+  }
+  std::lock_guard lock(mutex_);
+  points_ = std::move(unit);
 }
 
 void Daemon::stop_cameras() {
@@ -298,6 +321,7 @@ Status Daemon::stop() {
   actions_.reset();
   stop_cameras();
   if (search_) search_->stop();
+  if (points_) points_->stop();
   if (fusion_) fusion_->stop();
   http_.reset();
   stop_rtsp();
@@ -311,11 +335,12 @@ Status Daemon::reload(Installation next) {
     return {};
   }
   const std::string summary = changes.summary();
-  const bool everything =
-      changes.camera_ids || changes.object_ids || changes.scene || changes.surfaces ||
-      changes.observe || changes.estimator || changes.rtsp || changes.encoder || changes.http ||
-      changes.record || !changes.objects_added.empty() || !changes.objects_removed.empty() ||
-      !changes.objects_changed.empty() || ((recorder_ || search_) && cameras_differ(changes));
+  const bool everything = changes.camera_ids || changes.object_ids || changes.scene ||
+                          changes.surfaces || changes.observe || changes.estimator ||
+                          changes.rtsp || changes.encoder || changes.http || changes.record ||
+                          !changes.objects_added.empty() || !changes.objects_removed.empty() ||
+                          !changes.objects_changed.empty() ||
+                          ((recorder_ || search_ || points_) && cameras_differ(changes));
   SL_RETURN_IF_ERROR(everything ? restart_all(std::move(next))
                                 : restart_some(std::move(next), changes));
   if (changes.action) {
@@ -339,6 +364,7 @@ Status Daemon::restart_all(Installation next) {
   stop_views();
   stop_cameras();
   if (search_) search_->stop();
+  if (points_) points_->stop();
   fusion_->stop();
   if (recorder_) (void)recorder_->stop();
   recorder_.reset();
@@ -509,7 +535,8 @@ std::string Daemon::state_json() const {
   if (board_) board_->read(tracks);
   std::vector<std::string> camera_names;
   for (const CameraConfig& camera : installation_.cameras) camera_names.push_back(camera.name);
-  return format_state_json(installation_.name, cameras, rig_->names(), tracks, camera_names);
+  return format_state_json(installation_.name, cameras, rig_->names(), tracks, camera_names,
+                           points_ ? points_->checks() : std::vector<PointCheck>());
 }
 
 }  // namespace sightline

@@ -12,6 +12,7 @@
 #include "camera_unit.hpp"
 #include "fusion_unit.hpp"
 #include "heartbeat.hpp"
+#include "points_unit.hpp"
 #include "recorder_unit.hpp"
 #include "rig.hpp"
 #include "search_unit.hpp"
@@ -78,6 +79,7 @@ class Daemon {
   Status start_pipeline(const Installation& installation, const Rig& rig,
                         std::vector<CameraParts> parts, std::unique_ptr<ObjectSearch> search);
   Status start_camera(const Installation& installation, const Rig& rig, CameraParts parts);
+  void start_points(const Installation& installation, const Rig& rig);
   void stop_cameras();
   Result<std::vector<ViewParts>> prepare_views(const Installation& installation,
                                                const Rig& rig) const;
@@ -102,6 +104,7 @@ class Daemon {
   std::shared_ptr<TrackBoard> board_;
   std::shared_ptr<FusionUnit> fusion_;
   std::shared_ptr<SearchUnit> search_;  // null: nothing to search for
+  std::shared_ptr<PointsUnit> points_;  // null: off, or fewer than two cameras observe
   std::shared_ptr<RecorderUnit> recorder_;
   std::unique_ptr<RtspServer> rtsp_;
   std::jthread rtsp_thread_;

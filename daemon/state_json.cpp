@@ -50,7 +50,7 @@ void add_doubts(const PoseEstimate& estimate, Json& json) {
 }
 
 Json object_json(const NamedObject& object, const PoseTrackPtr& track,
-                 std::span<const std::string> camera_names) {
+                 std::span<const std::string> camera_names, const PointCheck* check) {
   Json json{{"name", object.name}};
   if (!track || track->empty()) {
     json["state"] = to_string(TrackState::kSearching);
@@ -68,6 +68,13 @@ Json object_json(const NamedObject& object, const PoseTrackPtr& track,
   json["sigma_t_mm"] = newest.sigma_translation() * 1e3;
   json["sigma_r_deg"] = newest.sigma_rotation() * 180 / std::numbers::pi;
   if (newest.doubts != 0) add_doubts(newest, json);
+  if (check != nullptr && check->on_object > 0) {
+    json["points"] = {{"on_object", check->on_object},
+                      {"rms_mm", check->rms_m * 1e3},
+                      {"median_mm", check->median_m * 1e3},
+                      {"age_s", to_seconds(newest.time - check->time)},
+                      {"contradicts", check->contradicts}};
+  }
   json["cameras"] = Json::array();
   for (size_t i = 0; i < camera_names.size(); ++i) {
     if (newest.cameras & camera_bit(CameraId(static_cast<uint32_t>(i)))) {
@@ -82,12 +89,14 @@ Json object_json(const NamedObject& object, const PoseTrackPtr& track,
 std::string format_state_json(const std::string& installation, std::span<const CameraState> cameras,
                               std::span<const NamedObject> objects,
                               std::span<const PoseTrackPtr> tracks,
-                              std::span<const std::string> camera_names) {
+                              std::span<const std::string> camera_names,
+                              std::span<const PointCheck> checks) {
   Json json{{"name", installation}, {"cameras", Json::array()}, {"objects", Json::array()}};
   for (const CameraState& camera : cameras) json["cameras"].push_back(camera_json(camera));
   for (size_t i = 0; i < objects.size(); ++i) {
     const PoseTrackPtr track = i < tracks.size() ? tracks[i] : nullptr;
-    json["objects"].push_back(object_json(objects[i], track, camera_names));
+    const PointCheck* check = i < checks.size() ? &checks[i] : nullptr;
+    json["objects"].push_back(object_json(objects[i], track, camera_names, check));
   }
   return json.dump(2) + "\n";
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "camera_unit.hpp"
+#include "points_unit.hpp"
 #include "sightline/model/pose_track.hpp"
 
 namespace sightline {
@@ -22,6 +23,7 @@ struct CameraState {
 std::string format_state_json(const std::string& installation, std::span<const CameraState> cameras,
                               std::span<const NamedObject> objects,
                               std::span<const PoseTrackPtr> tracks,
-                              std::span<const std::string> camera_names);
+                              std::span<const std::string> camera_names,
+                              std::span<const PointCheck> checks = {});
 
 }  // namespace sightline

@@ -62,7 +62,7 @@ void ViewUnit::draw(Time now) {
   std::shared_ptr<Picture> picture = pictures_.get();
   parts_.board->read(tracks_);
   const std::vector<ViewedState> states = viewed_states(tracks_, shown, kLately, parts_.present());
-  const ScenePointsPtr points = parts_.points ? parts_.points() : nullptr;
+  const ScenePointsPtr points = parts_.points ? parts_.points(shown) : nullptr;
   parts_.view->draw(picture->mutable_view(), shown, tracks_, states, points.get(),
                     annotated_.poses);
   FrameInfo& frame = annotated_.frame;

@@ -25,7 +25,7 @@ struct ViewParts {
   std::shared_ptr<StreamOutput> output;
   std::shared_ptr<TrackBoard> board;
   std::function<std::vector<bool>()> present;  ///< per camera: has it a signal? Must not block
-  std::function<ScenePointsPtr()> points;      ///< reconstructed lately; empty or null: none
+  std::function<ScenePointsPtr(Time)> points;  ///< reconstructed lately; empty or null: none
 };
 
 /// One free view: the thread ("view:NAME") that draws it at its own rate while somebody looks.

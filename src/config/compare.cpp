@@ -182,7 +182,8 @@ InstallationChanges compare(const Installation& before, const Installation& afte
   changes.surfaces = before.render.crease_deg != after.render.crease_deg ||
                      shows_textures(before) != shows_textures(after);
   changes.render = differ(before.render, after.render);
-  changes.observe = differ(before.observe, after.observe) || differ(before.detect, after.detect);
+  changes.observe = differ(before.observe, after.observe) || differ(before.detect, after.detect) ||
+                    differ(before.points, after.points);
   changes.estimator = differ(before.estimator, after.estimator);
   changes.rtsp = differ(before.rtsp, after.rtsp);
   changes.encoder = differ(before.encoder, after.encoder);

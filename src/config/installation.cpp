@@ -111,6 +111,7 @@ class InstallationReader {
     read_views();
     section("observe", result_.observe);
     section("detect", result_.detect);
+    section("points", result_.points);
     section("estimator", result_.estimator);
     read_servers();
     section("encoder", result_.encoder);

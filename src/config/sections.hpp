@@ -165,6 +165,13 @@ void visit(Visitor& v, DetectConfig& s) {
 }
 
 template <typename Visitor>
+void visit(Visitor& v, PointsConfig& s) {
+  v.flag("enabled", s.enabled);
+  v.number("rate", s.rate_hz, 0.05, 30, "a rate in Hz");
+  v.flag("overlay", s.overlay);
+}
+
+template <typename Visitor>
 void visit(Visitor& v, EstimatorOptions& s) {
   v.number("noise_linear", s.noise.linear, 1e-3, 1000, "an acceleration noise in m/s^2/sqrt(Hz)");
   v.number("noise_angular", s.noise.angular, 1e-3, 1000,

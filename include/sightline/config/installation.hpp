@@ -88,6 +88,13 @@ struct ViewConfig {
   std::string where;
 };
 
+/// Stereo points of the tracked objects, live.
+struct PointsConfig {
+  bool enabled = true;
+  double rate_hz = 1;    ///< at most; a look rests nine times as long as it took
+  bool overlay = false;  ///< the cameras' streams show them too
+};
+
 struct RtspConfig {
   bool enabled = true;
   RtspOptions server;
@@ -137,6 +144,7 @@ struct Installation {
   FiducialOptions observe;  ///< [observe]
   DetectConfig detect;      ///< [detect]
   TrackerOptions tracker;   ///< defaults
+  PointsConfig points;
   EstimatorOptions estimator;
   RtspConfig rtsp;
   EncoderOptions encoder;  ///< bitrate_kbps, keyframe_interval, prefer; the rest is the camera's
