@@ -84,8 +84,8 @@ class FreeView::Impl {
     const draw::Canvas canvas = draw::canvas_of(picture);
     draw_rays(canvas, time, tracks, states);
     for (size_t i = 0; i < cameras_.size(); ++i) draw_frustum(canvas, i, states[i]);
-    if (points != nullptr) draw_points(picture, *points);
     renderer_->draw(picture, time, tracks, poses);
+    if (points != nullptr) draw_points(picture, *points);
     for (size_t i = 0; i < cameras_.size(); ++i) draw_name(picture, i, states[i]);
   }
 
