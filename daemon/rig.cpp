@@ -81,6 +81,12 @@ Status load_look(RigObject& object) {
   SL_ASSIGN(object.views, load_views(object, cache_folder()));
   const ObjectDescription& description = object.description;
   object.lookalikes = lookalikes_of(*object.views, description);
+  if (const auto& axis = object.lookalikes.axis; axis && !axis->declared) {
+    log::info(
+        "{}: turns about its axis ({:.2f}, {:.2f}, {:.2f}) do not show; it will be `degraded` "
+        "where nothing else tells. If they mean nothing, declare symmetry = \"axis\"",
+        description.name, axis->direction.x(), axis->direction.y(), axis->direction.z());
+  }
   if (object.lookalikes.turns.empty()) return {};
   SL_ASSIGN(auto spots, surface_spots(description.mesh, description.meters_per_unit));
   if (!spots.empty()) {

@@ -43,7 +43,7 @@ void bound_variance(Eigen::Index first, const Eigen::Vector3d& axis, double most
 
 }  // namespace
 
-AlikePoses::AlikePoses(const Lookalikes& lookalikes) : free_axis_(lookalikes.free_axis) {
+AlikePoses::AlikePoses(const Lookalikes& lookalikes) : axis_(lookalikes.axis) {
   turns_.emplace_back();
   for (const Rigid3& turn : lookalikes.turns) {
     if (turns_.size() > Lookalikes::kMost) break;
@@ -56,8 +56,8 @@ AlikePoses::AlikePoses(const Lookalikes& lookalikes) : free_axis_(lookalikes.fre
 }
 
 double AlikePoses::apart(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b) const {
-  if (!free_axis_) return a.angularDistance(b);
-  const Eigen::Vector3d u = a * *free_axis_, v = b * *free_axis_;
+  if (!axis_) return a.angularDistance(b);
+  const Eigen::Vector3d u = a * axis_->direction, v = b * axis_->direction;
   return std::atan2(u.cross(v).norm(), u.dot(v));
 }
 
@@ -182,24 +182,31 @@ Matrix6 AlikePoses::spread(const Hypothesis& hypothesis) const {
   // Decided is decided: the rest would be a tail that no second moment describes.
   if (turns_.size() == 1 || !ambiguous(hypothesis)) sum.setZero();
   sum /= std::max(total, 1.0);
-  // Unless markers or print tell it all the same.
-  if (free_axis_ && free_axis_->dot(known.topLeftCorner<3, 3>() * *free_axis_) >
-                        0.25 * kFreeRotation * kFreeRotation) {
-    sum.topLeftCorner<3, 3>() += kAnyAngle * kAnyAngle * *free_axis_ * free_axis_->transpose();
+  if (axis_ && !told(known)) {
+    Vector6 turn;
+    turn << axis_->direction, axis_->point.cross(axis_->direction);
+    sum += kAnyAngle * kAnyAngle * turn * turn.transpose();
   }
   return sum;
 }
 
-void AlikePoses::bound_free_axis(PoseEstimate& estimate) const {
-  if (!free_axis_) return;
-  bound_variance(0, *free_axis_, kFreeRotation, estimate.covariance);
-  bound_variance(6, *free_axis_, kFreeSpin, estimate.covariance);
+// Markers or print tell the turn about the axis all the same.
+bool AlikePoses::told(const Matrix6& covariance) const {
+  const Eigen::Vector3d& axis = axis_->direction;
+  const double variance = axis.dot(covariance.topLeftCorner<3, 3>() * axis);
+  return variance < 0.25 * kFreeRotation * kFreeRotation;
+}
+
+void AlikePoses::bound_blind_axis(PoseEstimate& estimate) const {
+  if (!axis_) return;
+  bound_variance(0, axis_->direction, kFreeRotation, estimate.covariance);
+  bound_variance(6, axis_->direction, kFreeSpin, estimate.covariance);
 }
 
 Eigen::Matrix3d AlikePoses::known_rotation(const Eigen::Matrix3d& covariance) const {
-  if (!free_axis_) return covariance;
+  if (!axis_ || !axis_->declared) return covariance;
   const Eigen::Matrix3d across =
-      Eigen::Matrix3d::Identity() - *free_axis_ * free_axis_->transpose();
+      Eigen::Matrix3d::Identity() - axis_->direction * axis_->direction.transpose();
   return across * covariance * across;
 }
 

@@ -29,21 +29,22 @@ class AlikePoses {
 
   /// Nothing tells which of the poses it is.
   bool ambiguous(const Hypothesis& hypothesis) const;
-  /// Second moments of the other poses about the hypothesis' one, and of the free axis.
+  /// Second moments of the other poses about the hypothesis' one, and of turns about the axis.
   Matrix6 spread(const Hypothesis& hypothesis) const;
   /// `pose` turned by all that looks alike, itself first.
   size_t size() const { return turns_.size(); }
   Rigid3 turned(const Rigid3& pose, size_t index) const { return pose * turns_[index]; }
 
   /// Null without one.
-  const Eigen::Vector3d* free_axis() const { return free_axis_ ? &*free_axis_ : nullptr; }
-  /// Nothing can know the turn about the free axis: its variance is kept small and constant inside
-  /// the filter (which pose of them is followed is a choice), and spread() says the rest.
-  void bound_free_axis(PoseEstimate& estimate) const;
-  /// Covariance of the rotation without the free axis.
+  const Lookalikes::Axis* blind_axis() const { return axis_ ? &*axis_ : nullptr; }
+  /// The shape does not tell the turn about the axis: its variance is kept small and constant
+  /// inside the filter (which pose of them is followed is a choice), and spread() says the rest.
+  void bound_blind_axis(PoseEstimate& estimate) const;
+  /// Covariance of the rotation without turns that are declared to mean nothing.
   Eigen::Matrix3d known_rotation(const Eigen::Matrix3d& covariance) const;
 
  private:
+  bool told(const Matrix6& covariance) const;
   size_t nearest(const Eigen::Quaterniond& turn) const;
   double apart(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b) const;
   void take_colours(const Observation& observation, const Rigid3& pose, TurnCosts& costs) const;
@@ -53,7 +54,7 @@ class AlikePoses {
   std::vector<Vector6> logs_;
   /// By turn: from a tangent at the pose to that of log(turn) at the turned one.
   std::vector<Matrix6> carried_;
-  std::optional<Eigen::Vector3d> free_axis_;
+  std::optional<Lookalikes::Axis> axis_;
 };
 
 }  // namespace sightline::fuse

@@ -34,16 +34,16 @@ bool sees_shape_only(const PoseTerm& term) {
   return term.kind() != "fiducial" && term.kind() != "texture" && term.kind() != "frozen";
 }
 
-// The facets of a round mesh would tell what its object does not show.
-void remove_turns_about(const Eigen::Vector3d& axis, LinearizedTerm& term) {
-  const Eigen::Vector3d along = term.information.topLeftCorner<3, 3>() * axis;
-  Vector6 column;
-  column << along, term.information.bottomLeftCorner<3, 3>() * axis;
-  Vector6 a = Vector6::Zero();
-  a.head<3>() = axis;
-  const double both = a.dot(column);
-  term.information += both * a * a.transpose() - column * a.transpose() - a * column.transpose();
-  term.gradient -= a.dot(term.gradient) * a;
+// The facets of a round mesh would tell what its object does not show. A turn about the axis is the
+// tangent u = (direction, point x direction) and is measured by s = (direction, 0): s^T u = 1. With
+// M = I - u s^T, which leaves nothing of it,  information' = M^T information M.
+void remove_turns_about(const Lookalikes::Axis& axis, LinearizedTerm& term) {
+  Vector6 u, s;
+  u << axis.direction, axis.point.cross(axis.direction);
+  s << axis.direction, Eigen::Vector3d::Zero();
+  const Matrix6 kept = Matrix6::Identity() - u * s.transpose();
+  term.information = (kept.transpose() * term.information * kept).eval();
+  term.gradient = (kept.transpose() * term.gradient).eval();
 }
 
 }  // namespace
@@ -58,8 +58,8 @@ CameraSystem linearize(const Voter& voter, const Rigid3& world_from_object,
     if (!std::isfinite(part.cost) || !part.gradient.allFinite() || !part.information.allFinite()) {
       return {};
     }
-    if (voter.free_axis != nullptr && sees_shape_only(*term)) {
-      remove_turns_about(*voter.free_axis, part);
+    if (voter.blind_axis != nullptr && sees_shape_only(*term)) {
+      remove_turns_about(*voter.blind_axis, part);
     }
     sum.information += part.information;
     sum.gradient += part.gradient;

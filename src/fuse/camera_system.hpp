@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "sightline/model/lookalikes.hpp"
 #include "sightline/model/observation.hpp"
 
 namespace sightline::fuse {
@@ -16,8 +17,8 @@ struct Voter {
   /// others; 0: none.
   double unproven_rotation = 0;
   double unproven_translation = 0;
-  /// Object frame, through its origin: outline and edges know nothing of turns about it. Or null.
-  const Eigen::Vector3d* free_axis = nullptr;
+  /// The axis of a round shape, whose outline and edges know nothing of turns about it. Or null.
+  const Lookalikes::Axis* blind_axis = nullptr;
 };
 
 /// All terms of one camera, linearised at one pose: cost, gradient and information are divided by

@@ -126,8 +126,8 @@ void HypothesisBank::collect_voters(Time time, std::span<const Observation> set,
     if (observation.terms.empty()) continue;
     const CameraRecord& record = state.cameras[observation.camera.index() & 63u];
     Voter voter{
-        &observation,      std::max(1.0, record.scale), std::max(1.0, record.systematic), 0, 0,
-        alike_.free_axis()};
+        &observation,       std::max(1.0, record.scale), std::max(1.0, record.systematic), 0, 0,
+        alike_.blind_axis()};
     if (compared && options_.learn_systematic) {
       voter.unproven_rotation = record.unproven * std::pow(options_.systematic_rotation, 2);
       voter.unproven_translation = record.unproven * std::pow(options_.systematic_translation, 2);
@@ -242,7 +242,7 @@ void HypothesisBank::add_outcome(const Hypothesis& moved, Time time) {
   if (verdict_.accepted != 0) {
     Hypothesis& h = outcome.hypothesis;
     h.estimate = posterior(moved.estimate, verdict_.minimum);
-    alike_.bound_free_axis(h.estimate);
+    alike_.bound_blind_axis(h.estimate);
     h.estimate.cameras = verdict_.accepted;
     h.estimate.last_measured = time;
     h.confirmations = moved.confirmations + std::popcount(verdict_.accepted);

@@ -51,10 +51,13 @@ void SideAppearance::mix(std::span<const uint16_t> bins, float rate,
 }
 
 void SideAppearance::compare() {
+  double overlap = 0;
   for (size_t i = 0; i < evidence_.size(); ++i) {
     const float f = foreground_[i], b = background_[i];
     evidence_[i] = (f - b) / (f + b + kRare);
+    if (f > 0 && b > 0) overlap += static_cast<double>(std::sqrt(f * b));
   }
+  separation_ = std::sqrt(std::max(0.0, 1.0 - overlap));
 }
 
 bool SideAppearance::learn(std::span<const uint16_t> foreground,
@@ -72,6 +75,7 @@ void SideAppearance::copy_from(const SideAppearance& other) {
   foreground_ = other.foreground_;
   background_ = other.background_;
   evidence_ = other.evidence_;
+  separation_ = other.separation_;
   learned_ = other.learned_;
 }
 
@@ -79,15 +83,8 @@ void SideAppearance::forget() {
   std::fill(foreground_.begin(), foreground_.end(), 0.0f);
   std::fill(background_.begin(), background_.end(), 0.0f);
   std::fill(evidence_.begin(), evidence_.end(), 0.0f);
+  separation_ = 0;
   learned_ = false;
-}
-
-double SideAppearance::separation() const {
-  double overlap = 0;
-  for (size_t i = 0; i < foreground_.size(); ++i) {
-    overlap += std::sqrt(static_cast<double>(foreground_[i]) * static_cast<double>(background_[i]));
-  }
-  return std::sqrt(std::max(0.0, 1.0 - overlap));
 }
 
 Appearance::Appearance() {

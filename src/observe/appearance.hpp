@@ -59,7 +59,7 @@ class SideAppearance {
   /// By bin: P(object) - P(background) with equal priors, -1 .. 1; 0 for a colour never seen.
   const float* evidence() const { return evidence_.data(); }
   /// Bhattacharyya distance between the histograms, 0 alike .. 1 no colour in common.
-  double separation() const;
+  double separation() const { return separation_; }
 
  private:
   void mix(std::span<const uint16_t> bins, float rate, std::vector<float>& histogram);
@@ -67,6 +67,7 @@ class SideAppearance {
 
   std::vector<float> foreground_, background_, evidence_;
   std::vector<float> fresh_;
+  double separation_ = 0;
   bool learned_ = false;
 };
 

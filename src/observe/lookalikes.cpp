@@ -26,11 +26,15 @@ std::vector<Eigen::Quaterniond> declared_turns(const ObjectDescription& object) 
 Lookalikes lookalikes_of(const ViewpointModel& views, const ObjectDescription& object) {
   Lookalikes out;
   const Eigen::Vector3d axis = object.symmetry_axis.normalized();
-  if (object.symmetry == Symmetry::kAxis) out.free_axis = axis;
+  if (object.symmetry == Symmetry::kAxis) {
+    out.axis = {axis, Eigen::Vector3d::Zero(), true};
+  } else if (views.symmetry_axis()) {
+    out.axis = views.symmetry_axis();
+  }
   const auto declared = declared_turns(object);
   const auto same = [&](const Eigen::Quaterniond& a, const Eigen::Quaterniond& b) {
-    if (out.free_axis) {
-      const Eigen::Vector3d u = a * axis, v = b * axis;
+    if (out.axis) {
+      const Eigen::Vector3d u = a * out.axis->direction, v = b * out.axis->direction;
       return std::atan2(u.cross(v).norm(), u.dot(v)) < kSameTurn;
     }
     return std::any_of(declared.begin(), declared.end(), [&](const Eigen::Quaterniond& turn) {

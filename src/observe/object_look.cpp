@@ -135,6 +135,7 @@ void ObjectLook::fit_outline(const ColorReader& frame, double spread_px, bool fr
 // Does the picture look like the object at the fitted pose? Lines that do not are left out.
 bool ObjectLook::judge() {
   if (colors_ == nullptr) return false;
+  look_.separation = colors_->separation();
   double evidence = 0;
   int measured = 0;
   for (ContourLine& line : lines_) {
@@ -169,7 +170,8 @@ bool ObjectLook::judge() {
   const TrackerOptions& options = camera_.options;
   return look_.lines_used >= options.min_lines &&
          look_.lines_used >= options.min_line_share * look_.lines_total &&
-         look_.evidence >= options.min_evidence && look_.noise_px <= kMaxNoise;
+         look_.evidence >= options.min_evidence && look_.separation >= options.min_separation &&
+         look_.noise_px <= kMaxNoise;
 }
 
 PoseTermPtr ObjectLook::region_term() {

@@ -22,6 +22,10 @@ constexpr double kSameOutlinePx = 2.0;
 // An estimate that turns more than this from one frame to the next was moved to another pose that
 // looks alike [rad].
 constexpr double kOtherPose = 0.7;
+// A camera that misses what the others see, so many frames in a row, has colours that are no longer
+// true: it looks with those of the frame itself, from time to time.
+constexpr int kBlindFrames = 5;
+constexpr double kPlacedRotation = 0.10, kPlacedTranslation = 0.03;
 constexpr double kSureRotation = 0.010, kSureTranslation = 0.004;
 
 Status require(bool good, const char* name, const char* range) {
@@ -41,6 +45,7 @@ Status check(const TrackerOptions& o) {
       require(o.learning_rate > 0 && o.learning_rate <= 1, "learning_rate", "above 0, at most 1"));
   SL_RETURN_IF_ERROR(require(o.min_lines >= 6, "min_lines", "6 or more"));
   SL_RETURN_IF_ERROR(require(share(o.min_line_share), "min_line_share", "from 0 to below 1"));
+  SL_RETURN_IF_ERROR(require(share(o.min_separation), "min_separation", "from 0 to below 1"));
   return require(share(o.min_evidence), "min_evidence", "from 0 to below 1");
 }
 
@@ -54,6 +59,15 @@ Observation nothing_seen(const Frame& frame, CameraId camera, ObjectId object) {
   out.capture = info.capture;
   out.capture_error = info.capture_error;
   return out;
+}
+
+// Well enough for an outline to be looked for where it must be.
+bool held_by_others(const PoseEstimate& estimate) {
+  constexpr Doubts kFewer = kWeakPosition | kOneCamera;  // as one camera alone is
+  const bool held = estimate.state == TrackState::kTracking ||
+                    (estimate.state == TrackState::kDegraded && (estimate.doubts & ~kFewer) == 0);
+  return held && estimate.own_sigma_rotation() < kPlacedRotation &&
+         estimate.own_sigma_translation() < kPlacedTranslation;
 }
 
 bool only_ambiguous(const PoseEstimate& estimate) {
@@ -93,6 +107,8 @@ class ObjectTracker::Impl {
     Time pending_capture{};
     /// What was learned belongs to a pose that may be another: it says nothing of which it is.
     bool provisional = false;
+    int missed = 0;        ///< frames in a row in which others saw it
+    bool relearn = false;  ///< the pending colours take the place of those that were learned
     size_t pending_side = 0;
     std::vector<uint16_t> foreground, background;
   };
@@ -103,6 +119,7 @@ class ObjectTracker::Impl {
            frame.info().height == model.height();
   }
   void review_provisional(State& state, const PoseAt& at);
+  bool colours_are_stale(State& state, const PoseEstimate& estimate) const;
   bool learn_pending(State& state, const PoseTrack& track);
   void gather_hiders(ObjectId object, Time time, std::span<const PoseTrackPtr> tracks);
 
@@ -126,15 +143,27 @@ void ObjectTracker::Impl::review_provisional(State& state, const PoseAt& at) {
   }
 }
 
+// A camera that for some frames did not see, or was refused, what the others hold looks with the
+// colours of the frame itself now and then.
+bool ObjectTracker::Impl::colours_are_stale(State& state, const PoseEstimate& estimate) const {
+  if (state.missed < kBlindFrames || !held_by_others(estimate)) return false;
+  state.missed = 0;
+  return state.look.learned();
+}
+
 bool ObjectTracker::Impl::learn_pending(State& state, const PoseTrack& track) {
+  const bool relearn = std::exchange(state.relearn, false);
   if (!std::exchange(state.pending, false)) return false;
   const PoseAt at = track.at(state.pending_capture);
+  const bool counted = (at.estimate.cameras & camera_bit(id_)) != 0;
+  if (at.source == PoseSource::kEstimated && has_pose(at.estimate.state)) {
+    state.missed = counted ? 0 : state.missed + (held_by_others(at.estimate) ? 1 : 0);
+  }
   const bool ambiguous = only_ambiguous(at.estimate);
   // What is sure must not be mixed with what may be the other way round.
   const bool wanted = at.estimate.state == TrackState::kTracking ||
                       (ambiguous && (state.provisional || !state.look.learned()));
-  if (at.source != PoseSource::kEstimated || !wanted ||
-      (at.estimate.cameras & camera_bit(id_)) == 0 ||
+  if (at.source != PoseSource::kEstimated || !wanted || !counted ||
       state.look.outline_distance(at.estimate.world_from_object) > kSameOutlinePx) {
     state.look.drop_texture();
     return false;
@@ -146,6 +175,7 @@ bool ObjectTracker::Impl::learn_pending(State& state, const PoseTrack& track) {
   } else {
     state.look.drop_texture();
   }
+  if (relearn) state.look.appearance().forget();
   return state.look.appearance().learn(state.pending_side, state.foreground, state.background,
                                        static_cast<float>(camera_.options.learning_rate));
 }
@@ -187,13 +217,18 @@ void ObjectTracker::Impl::step(const Frame& frame, std::span<const PoseTrackPtr>
     gather_hiders(object, capture, tracks);
     const bool ambiguous = (at.estimate.doubts & kAmbiguous) != 0;
     const bool sure_before = state.look.learned() && !state.provisional;
+    const bool stale = colours_are_stale(state, at.estimate);
     // Colours that were learned of another side would mislead.
     state.look.measure(frame,
                        {at.estimate.world_from_object, at.estimate.own_covariance(), ambiguous},
-                       ambiguous && sure_before, spheres_, observation.terms);
+                       stale || (ambiguous && sure_before), spheres_, observation.terms);
+    state.relearn = stale && state.look.look().seen;
     state.last = state.look.look();
     state.last.learned = learned;
-    if (!state.last.seen) continue;
+    if (!state.last.seen) {
+      state.missed += held_by_others(at.estimate) ? 1 : 0;
+      continue;
+    }
     if (ambiguous) state.look.compare_sides(frame, sure_before, observation.alike);
     state.look.collect(frame, state.foreground, state.background);
     state.look.note_texture(frame);

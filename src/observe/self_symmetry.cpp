@@ -287,6 +287,7 @@ SelfSymmetry find_self_symmetry(const TriangleMesh& mesh) {
     if (found.size() > kMostTurns) return {};  // a ball
   }
   SelfSymmetry out;
+  out.middle = surface.middle();
   out.axis = free_axis(surface, judged, found);
   for (const Rigid3& turn : found) {
     if (out.turns.size() == Lookalikes::kMost) break;

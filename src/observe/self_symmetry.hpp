@@ -11,8 +11,9 @@ namespace sightline::observe {
 
 /// How a shape repeats itself: rotations that leave it as it is, colours aside.
 struct SelfSymmetry {
-  /// A ring, a bottle: every turn about this axis (unit) through `center` leaves it as it is.
+  /// A ring, a bottle: every turn about this axis (unit) through `middle` leaves it as it is.
   std::optional<Eigen::Vector3d> axis;
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();  ///< of the surface; on the axis
   /// Single turns, without the identity; those about `axis` are left out, and of turns that differ
   /// by one about it only one is kept. Object frame.
   std::vector<Rigid3> turns;

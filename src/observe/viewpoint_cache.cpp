@@ -22,7 +22,7 @@ namespace {
 
 constexpr uint64_t kMagic = 0x315357454956'4C53ULL;  // "SLVIEWS1"
 // Grows when the file or the way the samples are made changes.
-constexpr uint32_t kVersion = 2;
+constexpr uint32_t kVersion = 3;
 constexpr size_t kLargestFile = size_t{256} << 20;
 
 template <typename T>
@@ -96,18 +96,19 @@ bool within(float value, float low, float high) { return value >= low && value <
 bool unit(const Eigen::Vector3f& vector) { return within(vector.squaredNorm(), 0.99f, 1.01f); }
 
 void put_symmetry(std::string& out, const std::vector<Rigid3>& turns,
-                  const std::optional<Eigen::Vector3d>& axis) {
+                  const std::optional<Lookalikes::Axis>& axis) {
   put(out, static_cast<uint32_t>(turns.size()));
   for (const Rigid3& turn : turns) {
     put(out, Eigen::Vector4d(turn.rotation.coeffs()));
     put(out, turn.translation);
   }
-  put(out, axis.value_or(Eigen::Vector3d::Zero()));
+  put(out, Eigen::Vector3d(axis ? axis->direction : Eigen::Vector3d::Zero()));
+  put(out, Eigen::Vector3d(axis ? axis->point : Eigen::Vector3d::Zero()));
 }
 
 // False if that is no symmetry.
 bool take_symmetry(Taker& in, double radius, std::vector<Rigid3>& turns,
-                   std::optional<Eigen::Vector3d>& axis) {
+                   std::optional<Lookalikes::Axis>& axis) {
   const size_t count = in.number<uint32_t>();
   if (count > Lookalikes::kMost) return false;
   for (size_t i = 0; i < count; ++i) {
@@ -120,9 +121,10 @@ bool take_symmetry(Taker& in, double radius, std::vector<Rigid3>& turns,
     turns.emplace_back(rotation, translation);
   }
   const Eigen::Vector3d direction = in.vector<double>();
-  if (!direction.allFinite()) return false;
+  const Eigen::Vector3d point = in.vector<double>();
+  if (!direction.allFinite() || !(point.norm() < 1e6 * radius)) return false;
   if (direction.isZero(0.0)) return true;
-  axis = direction;
+  axis = Lookalikes::Axis{direction, point, false};
   return std::abs(direction.norm() - 1) < 1e-6;
 }
 

@@ -107,7 +107,7 @@ Result<std::shared_ptr<const ViewpointModel>> ViewpointModelBuilder::from_mesh(
   model->radius_ = static_cast<double>(mesh.radius);
   const observe::SelfSymmetry symmetry = observe::find_self_symmetry(mesh);
   model->turns_ = symmetry.turns;
-  model->symmetry_axis_ = symmetry.axis;
+  if (symmetry.axis) model->symmetry_axis_ = {*symmetry.axis, symmetry.middle, false};
   // A line of crease points without gaps in the pictures.
   const double pixel = 2 * model->radius_ / (kFilled * options.picture_px);
   ViewSampler sampler(camera, options, model->center_, model->radius_,

@@ -246,7 +246,7 @@ TEST(AlikePoses, ALongGapOpensTheQuestionAgain) {
 
 TEST(AlikePoses, ADeclaredAxisIsTrackedAndItsTurnNotClaimed) {
   Lookalikes bottle;
-  bottle.free_axis = Eigen::Vector3d::UnitZ();
+  bottle.axis = {Eigen::Vector3d::UnitZ(), Eigen::Vector3d::Zero(), true};
   const SyntheticRig rig(rig_options());
   ObjectEstimator estimator = estimator_of(bottle);
   int sure = 0;
@@ -266,6 +266,27 @@ TEST(AlikePoses, ADeclaredAxisIsTrackedAndItsTurnNotClaimed) {
     EXPECT_LT(translation_distance(truth, estimate.world_from_object), 0.004);
   }
   EXPECT_GT(sure, 25);
+}
+
+TEST(AlikePoses, AnAxisThatIsNotDeclaredIsWeakAndNamed) {
+  Lookalikes round;
+  round.axis = {Eigen::Vector3d::UnitZ(), Eigen::Vector3d::Zero(), false};
+  const SyntheticRig rig(rig_options());
+  ObjectEstimator estimator = estimator_of(round);
+  int weak = 0;
+  for (auto& set : rig.sets()) {
+    for (Observation& observation : set) {
+      for (PoseTermPtr& term : observation.terms) term = std::make_shared<RoundTerm>(term);
+    }
+    const PoseEstimate estimate = estimator.process(set).estimate;
+    ASSERT_NE(estimate.state, TrackState::kTracking);
+    if (estimate.doubts != kWeakRotation) continue;
+    ++weak;
+    EXPECT_GT(estimate.sigma_rotation(), 90 * kDeg);
+    const Eigen::Vector3d axis = rig.truth(estimate.time).rotation * Eigen::Vector3d::UnitZ();
+    EXPECT_GT(std::abs(estimate.weak_axis().dot(axis)), std::cos(5 * kDeg));
+  }
+  EXPECT_GT(weak, 20);
 }
 
 TEST(AlikePoses, LateSetsComeToTheSame) {

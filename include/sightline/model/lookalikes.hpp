@@ -15,11 +15,14 @@ struct Lookalikes {
   /// A pose T and T * turn look alike by shape, and are not the same to whoever asks for the pose.
   /// Without the identity; at most kMost.
   std::vector<Rigid3> turns;
-  /// Unit, through the object's origin: turns about it mean nothing (declared symmetry), so that no
-  /// measurement can know them.
-  std::optional<Eigen::Vector3d> free_axis;
-
-  bool none() const { return turns.empty() && !free_axis; }
+  /// Turns about this axis (unit) through a point on it, object frame, leave the shape as it is, so
+  /// that outline and edges know nothing of them.
+  struct Axis {
+    Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
+    Eigen::Vector3d point = Eigen::Vector3d::Zero();
+    bool declared = false;  ///< they mean nothing to whoever asks for the pose either
+  };
+  std::optional<Axis> axis;
 };
 
 }  // namespace sightline

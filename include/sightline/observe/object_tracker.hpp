@@ -46,6 +46,7 @@ struct TrackerOptions {
   double min_line_share = 0.35;
   /// ... and inside and outside look different by so much (mean evidence, 0 .. 1).
   double min_evidence = 0.25;
+  double min_separation = 0.2;  ///< and so do the histograms that tell it (see Look)
 };
 
 /// One object as the trackers of all cameras share it.
@@ -97,10 +98,11 @@ class ObjectTracker {
 
   /// What one look came to, for metrics and tests.
   struct Look {
-    int lines_total = 0;  ///< of the outline, in the picture and not hidden by what is known
-    int lines_used = 0;   ///< that agree with a visible object
-    double evidence = 0;  ///< mean of (inside - outside) / 2
-    double noise_px = 0;  ///< of one line, from the residuals
+    int lines_total = 0;    ///< of the outline, in the picture and not hidden by what is known
+    int lines_used = 0;     ///< that agree with a visible object
+    double evidence = 0;    ///< mean of (inside - outside) / 2
+    double separation = 0;  ///< of the colours inside and outside, as learned: 0 alike .. 1
+    double noise_px = 0;    ///< of one line, from the residuals
     int edges_used = 0;
     double edge_noise_px = 0;
     int points_used = 0;  ///< of texture

@@ -16,6 +16,7 @@
 #include "sightline/geometry/mesh.hpp"
 #include "sightline/geometry/rigid3.hpp"
 #include "sightline/model/depth_renderer.hpp"
+#include "sightline/model/lookalikes.hpp"
 
 namespace sightline {
 
@@ -116,8 +117,8 @@ class ViewpointModel {
   /// Turns that leave the shape as it is, colours aside: a pose T and T * turn cannot be told apart
   /// by outline and edges. Without the identity and those about symmetry_axis(). Object frame.
   const std::vector<Rigid3>& turns() const { return turns_; }
-  /// Unit; set if the shape is the same after any turn about it (through the middle).
-  const std::optional<Eigen::Vector3d>& symmetry_axis() const { return symmetry_axis_; }
+  /// Set if the shape is the same after any turn about it.
+  const std::optional<Lookalikes::Axis>& symmetry_axis() const { return symmetry_axis_; }
 
   const Eigen::Vector3d& center() const { return center_; }  ///< of the bounding sphere
   double radius() const { return radius_; }                  ///< [m]
@@ -140,7 +141,7 @@ class ViewpointModel {
   Eigen::Vector3d center_ = Eigen::Vector3d::Zero();
   double radius_ = 0;
   std::vector<Rigid3> turns_;
-  std::optional<Eigen::Vector3d> symmetry_axis_;
+  std::optional<Lookalikes::Axis> symmetry_axis_;
   std::vector<Record> records_;
   std::vector<ContourSample> contours_;
   std::vector<InnerEdgeSample> edges_;
