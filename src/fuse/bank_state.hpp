@@ -48,6 +48,13 @@ struct Agreement {
   double expected = 0;
 };
 
+/// How far a camera's own pose lies from the prediction, in world axes about the object's origin:
+/// information times offset, and the information.
+struct Pull {
+  Eigen::Matrix<float, 6, 1> force = Eigen::Matrix<float, 6, 1>::Zero();
+  Eigen::Matrix<float, 6, 6> information = Eigen::Matrix<float, 6, 6>::Zero();
+};
+
 /// What is remembered of one camera.
 struct CameraRecord {
   Time last_look{};
@@ -55,6 +62,9 @@ struct CameraRecord {
   double scale = 1.0;       ///< smoothed chi-square per residual of its measurements
   double systematic = 1.0;  ///< learned: see Voter::systematic
   double unproven = 1.0;    ///< share of the largest systematic variance that it may still have
+  Pull pull;                ///< fading mean
+  double pull_square = 0;   ///< fading mean of its squared size, see SteadyPull
+  double pulls = 0;         ///< looks in it, up to its memory
   bool known = false;
   bool seen = false;     ///< accepted at its last look
   bool refused = false;  ///< contradicted at its last look
@@ -68,6 +78,8 @@ struct BankState {
   std::array<CameraRecord, 64> cameras;
   CameraSet known = 0;
   PoseEstimate published;
+  /// What cameras pull apart steadily, as a share of the largest systematic variance.
+  double steady = 0;
   bool found_before = false;  ///< published.last_measured means something
 
   // Of the last set alone.
@@ -85,6 +97,7 @@ struct Outcome {
   int iterations = 0;
   std::array<double, 64> normalized_cost{};
   std::array<Agreement, 64> agreement{};
+  std::array<Pull, 64> pulls{};
 };
 
 }  // namespace sightline::fuse

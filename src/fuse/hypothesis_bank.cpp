@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "motion_scale.hpp"
+#include "steady_pull.hpp"
 #include "track_state.hpp"
 
 namespace sightline::fuse {
@@ -254,6 +255,10 @@ void HypothesisBank::add_outcome(const Hypothesis& moved, Time time) {
       learn(time, verdict_.minimum, holding_, systematic, h.corrections, h.motion);
     }
     add_systematic(h.systematic_information);
+    for (size_t i = 0; options_.learn_systematic && i < verdict_.accepted_voters.size(); ++i) {
+      const size_t camera = verdict_.accepted_voters[i].observation->camera.index() & 63u;
+      outcome.pulls[camera] = pull_of(verdict_.minimum, i);
+    }
   }
   outcomes_.push_back(outcome);
 }

@@ -9,6 +9,7 @@
 #include <cmath>
 
 #include "motion_scale.hpp"
+#include "steady_pull.hpp"
 #include "vote.hpp"
 
 namespace sightline::fuse {
@@ -41,13 +42,20 @@ void update_period(Time time, CameraRecord& record) {
   record.period += from_seconds(gain * to_seconds(interval - record.period));
 }
 
-int holding_cameras(Time time, const EstimatorOptions& options, const BankState& state) {
-  int holding = 0;
+CameraSet holders(Time time, const EstimatorOptions& options, const BankState& state) {
+  CameraSet holding = 0;
   for (CameraSet left = state.known; left != 0; left &= left - 1) {
-    const CameraRecord& record = state.cameras[static_cast<size_t>(std::countr_zero(left))];
-    holding += record.seen && time - record.last_look <= hold(record, options) ? 1 : 0;
+    const auto index = static_cast<size_t>(std::countr_zero(left));
+    const CameraRecord& record = state.cameras[index];
+    if (record.seen && time - record.last_look <= hold(record, options)) {
+      holding |= CameraSet{1} << index;
+    }
   }
   return holding;
+}
+
+int holding_cameras(Time time, const EstimatorOptions& options, const BankState& state) {
+  return std::popcount(holders(time, options, state));
 }
 
 double largest_sigma(const Eigen::Matrix3d& covariance) {
@@ -102,10 +110,13 @@ void classify(Time time, bool contradicted, const EstimatorOptions& options,
 
 // The filter takes a camera's systematic error for new in every frame and averages it away. What is
 // published is in no direction surer than the systematic error of the cameras that hold the object.
-void keep_systematic(const Matrix6& information, PoseEstimate& estimate) {
-  if (information.isZero(0.0)) return;
-  const Matrix6 bounded = information + Matrix6(anywhere_covariance().inverse());
-  const Matrix6 least = bounded.ldlt().solve(Matrix6::Identity());
+void keep_systematic(const Matrix6& information, const Matrix6& steady, PoseEstimate& estimate) {
+  if (information.isZero(0.0) && steady.isZero(0.0)) return;
+  Matrix6 least = steady;
+  if (!information.isZero(0.0)) {
+    const Matrix6 bounded = information + Matrix6(anywhere_covariance().inverse());
+    least += bounded.ldlt().solve(Matrix6::Identity());
+  }
   const Eigen::LLT<Matrix6> root(estimate.pose_covariance());  // P = L L^T
   Matrix6 relative = root.matrixL().solve(least);
   relative = root.matrixL().solve(relative.transpose()).eval();
@@ -217,8 +228,12 @@ bool record_looks(Time time, std::span<const Observation> set, const Outcome* be
     record.refused = (gated & bit) != 0;
     state.known |= bit;
     if (!record.seen) continue;
+    if (options.learn_systematic) remember(best->pulls[slot(observation.camera)], options, record);
     record.scale +=
         kScaleSmoothing * (best->normalized_cost[slot(observation.camera)] - record.scale);
+  }
+  if (accepted != 0 && options.learn_systematic) {
+    state.steady = steady_share(holders(time, options, state), options, state);
   }
   state.gated = gated;
   state.iterations = best != nullptr ? best->iterations : 0;
@@ -231,9 +246,15 @@ void publish(Time time, bool contradicted, const EstimatorOptions& options, cons
   if (state.count > 0) {
     out = state.hypotheses[0].estimate;
     state.found_before = true;
-    keep_systematic(state.hypotheses[0].systematic_information, out);
+    const int holding = std::max(1, holding_cameras(time, options, state));
+    const Matrix6& systematic = state.hypotheses[0].systematic_information;
+    keep_systematic(systematic, Matrix6::Zero(), out);
+    // Beside the covariance: observers place their lines by that, next to where the filter is.
+    PoseEstimate wide = out;
+    keep_systematic(systematic, state.steady / holding * systematic_covariance(options), wide);
+    const Matrix6 steady = wide.own_covariance() - out.own_covariance();
     add_spread(state, out);
-    out.alternatives = alike.spread(state.hypotheses[0]);
+    out.alternatives = alike.spread(state.hypotheses[0]) + steady;
   } else {
     out.cameras = 0;
   }
