@@ -26,9 +26,9 @@ void PointCollector::step(std::span<const std::pair<CameraId, FramePtr>> frames,
 void PointCollector::keep(const ObjectPoints::Found& found) {
   ++sets_;
   distances_.insert(distances_.end(), found.distances.begin(), found.distances.end());
-  if (found.time != shown_time_) shown_.clear();
-  shown_time_ = found.time;
-  shown_.insert(shown_.end(), found.points.begin(), found.points.end());
+  if (found.time != shown_.time) shown_ = {found.time, 0, {}};
+  shown_.cameras |= found.cameras;
+  shown_.points.insert(shown_.points.end(), found.points.begin(), found.points.end());
   const Rigid3 camera_from_world = found.first.world_from_camera.inverse();
   for (const ScenePoint& point : found.points) {
     const double depth = (camera_from_world * point.point_in_world).z();
@@ -41,8 +41,13 @@ void PointCollector::keep(const ObjectPoints::Found& found) {
 
 void PointCollector::marks(CameraId camera, Time capture, std::vector<PointMark>& out) const {
   out.clear();
-  if (shown_.empty() || std::chrono::abs(capture - shown_time_) > kShownFor) return;
-  marks_of_points(cameras_[camera.index()], shown_, out);
+  if (std::chrono::abs(capture - shown_.time) > kShownFor) return;
+  marks_of_points(cameras_[camera.index()], shown_.points, out);
+}
+
+ScenePointsPtr PointCollector::points_at(Time time) const {
+  if (shown_.points.empty() || std::chrono::abs(time - shown_.time) > kShownFor) return nullptr;
+  return std::make_shared<const ScenePoints>(shown_);
 }
 
 Status PointCollector::write(const std::filesystem::path& path) const {

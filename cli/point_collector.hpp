@@ -36,6 +36,8 @@ class PointCollector {
             std::span<const PoseTrackPtr> tracks);
   /// Marks of the newest points in a camera's picture at `capture`; none older than 50 ms.
   void marks(CameraId camera, Time capture, std::vector<PointMark>& out) const;
+  /// The newest points, as a view from anywhere shows them; null: none of the last 50 ms.
+  ScenePointsPtr points_at(Time time) const;
   /// Everything so far, coloured by the distance from the first camera of its pair.
   Status write(const std::filesystem::path& path) const;
   PointSummary summary() const;
@@ -53,8 +55,7 @@ class PointCollector {
   std::vector<ObjectPoints::Found> found_;  ///< of the newest step
   std::vector<Collected> collected_;
   std::vector<double> distances_;  ///< [m]
-  std::vector<ScenePoint> shown_;
-  Time shown_time_{};
+  ScenePoints shown_;
   DepthScale scale_;
   size_t sets_ = 0;
 };

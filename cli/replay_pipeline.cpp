@@ -77,9 +77,17 @@ Result<std::unique_ptr<ReplayPipeline>> ReplayPipeline::create(
   const bool shown =
       installation.points.overlay && (!outputs.video.empty() || !outputs.png.empty());
   if (!outputs.points.empty() || shown) {
-    pipeline->collector_ = std::make_unique<PointCollector>(installation, pipeline->rig_);
+    pipeline->want_points(installation);
   }
   return pipeline;
+}
+
+void ReplayPipeline::want_points(const Installation& installation) {
+  if (!collector_) collector_ = std::make_unique<PointCollector>(installation, rig_);
+}
+
+ScenePointsPtr ReplayPipeline::points_at(Time time) const {
+  return collector_ ? collector_->points_at(time) : nullptr;
 }
 
 Status ReplayPipeline::add_camera(const Installation& installation, const RecordedCamera& recorded,

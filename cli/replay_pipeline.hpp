@@ -52,6 +52,10 @@ class ReplayPipeline {
   /// Takes all frames of one capture time: observe, fuse, log, then draw with what is known now.
   Status step(const std::vector<FramePtr>& frames);
   Status finish();
+  /// From now on stereo points are reconstructed from every set of frames.
+  void want_points(const Installation& installation);
+  /// The newest of them; null: none lately.
+  ScenePointsPtr points_at(Time time) const;
   const ReplaySummary& summary() const { return summary_; }
   const Rig& rig() const { return rig_; }
   /// What is known now, one track per object.

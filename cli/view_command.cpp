@@ -16,6 +16,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Duration kLately = 300ms;
+constexpr Duration kPointsFrom = 100ms;  // before the time of a single picture
 
 std::optional<Eigen::Vector3d> to_point(const std::vector<double>& numbers) {
   if (numbers.size() != 3) return std::nullopt;
@@ -66,10 +67,12 @@ class Film {
 
   bool is_video() const { return video_ != nullptr; }
 
-  Status take(Time time, std::span<const PoseTrackPtr> tracks) {
+  Status take(Time time, const ReplayPipeline& pipeline) {
     const std::vector<bool> present(cameras_, true);
+    const auto& tracks = pipeline.tracks();
+    const ScenePointsPtr points = pipeline.points_at(time);
     view_->draw(picture_->mutable_view(), time, tracks,
-                viewed_states(tracks, time, kLately, present), nullptr, poses_);
+                viewed_states(tracks, time, kLately, present), points.get(), poses_);
     ++pictures_;
     return video_ ? video_->append(picture_->view(), time) : Status();
   }
@@ -117,11 +120,17 @@ Result<size_t> run(const ViewOptions& options) {
     const Time now = frames->front()->info().capture;
     if (!start) start = now;
     if (options.at_s && now - *start > from_seconds(*options.at_s)) break;
+    // A single picture needs the points of its own time only.
+    const Time end =
+        options.at_s ? *start + from_seconds(*options.at_s) : recording->last_capture();
+    if (installation.points.enabled && (film->is_video() || now >= end - kPointsFrom)) {
+      pipeline->want_points(installation);
+    }
     SL_RETURN_IF_ERROR(pipeline->step(*frames));
     last = now;
     // Free-running cameras: a picture for every period of one, not for every frame of all.
     if (film->is_video() && (drawn == Time{} || now - drawn >= period * 9 / 10)) {
-      SL_RETURN_IF_ERROR(film->take(now, pipeline->tracks()));
+      SL_RETURN_IF_ERROR(film->take(now, *pipeline));
       drawn = now;
     }
     bar.set(pipeline->summary().frames);
@@ -129,7 +138,7 @@ Result<size_t> run(const ViewOptions& options) {
   if (!start) {
     return make_error(ErrorCode::kInvalidInput, options.recording.string(), "has no frames");
   }
-  if (!film->is_video()) SL_RETURN_IF_ERROR(film->take(last, pipeline->tracks()));
+  if (!film->is_video()) SL_RETURN_IF_ERROR(film->take(last, *pipeline));
   SL_RETURN_IF_ERROR(film->finish());
   return film->pictures();
 }

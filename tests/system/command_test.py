@@ -56,6 +56,15 @@ class View(TemporaryFolder):
                                       "--json")[0])
         self.assertEqual(answer["pictures"], 90)
 
+    def test_shows_reconstructed_points_unless_told_not_to(self):
+        pictures = []
+        for extra in ("", "[points]\nenabled = false\n"):
+            config, picture = self.write("a.toml", installation(8554, 9754, extra=extra)), self.path("view.png")
+            sightline("view", BENCH, "--config", config, "--at", "1.2", "--width", "320", "--height", "240", "--out", picture)
+            with open(picture, "rb") as file:
+                pictures.append(file.read())
+        self.assertNotEqual(*pictures)
+
     def test_refuses_what_makes_no_view(self):
         out = self.path("view.png")
         for arguments, word in ((["--out", self.path("view.jpg")], ".png"), (["--out", out, "--width", "321"], "even"),
