@@ -167,6 +167,17 @@ Result<std::unique_ptr<HttpServer>> Daemon::make_http(const Installation& instal
   return HttpServer::create(installation.http.server, std::move(content));
 }
 
+namespace {
+
+std::function<ScenePointsPtr(Time)> points_from(std::shared_ptr<UnitSlot<PointsUnit>> slot) {
+  return [slot = std::move(slot)](Time time) {
+    const auto unit = slot->get();
+    return unit ? unit->points_at(time) : nullptr;
+  };
+}
+
+}  // namespace
+
 Status Daemon::start_camera(const Installation& installation, const Rig& rig, CameraParts parts) {
   const CameraConfig& config = installation.cameras[parts.id.index()];
   if (parts.renderer) {
@@ -183,12 +194,12 @@ Status Daemon::start_camera(const Installation& installation, const Rig& rig, Ca
   const auto points = observes(config.role) ? points_ : nullptr;
   parts.on_frame = [recorder = recorder_, search = search_, points](const FramePtr& frame) {
     if (recorder) recorder->push(frame);
-    if (search) search->push(frame);
-    if (points) points->push(frame);
+    if (const auto unit = search->get()) unit->push(frame);
+    if (const auto unit = points ? points->get() : nullptr) unit->push(frame);
   };
-  if (points_ && installation.points.overlay) {
+  if (installation.points.enabled && installation.points.overlay) {
     parts.calibration = std::make_shared<const CalibratedCamera>(config.calibration);
-    parts.points = [shown = points_](Time time) { return shown->points_at(time); };
+    parts.points = points_from(points_);
   }
   auto unit = CameraUnit::start(std::move(parts), registry_, beats_);
   std::lock_guard lock(mutex_);
@@ -227,9 +238,7 @@ Status Daemon::start_views(const Installation& installation, const Rig& rig,
     std::vector<std::string> names;
     for (const CameraConfig& camera : installation.cameras) names.push_back(camera.name);
     parts.present = [this, names] { return present(names); };
-    if (points_) {
-      parts.points = [shown = points_](Time time) { return shown->points_at(time); };
-    }
+    parts.points = points_from(points_);
     auto unit = ViewUnit::start(std::move(parts), registry_, beats_);
     std::lock_guard lock(mutex_);
     views_.push_back(std::move(unit));
@@ -276,13 +285,7 @@ Status Daemon::start_pipeline(const Installation& installation, const Rig& rig,
   }
   SL_ASSIGN(fusion_, FusionUnit::start(installation.estimator, rig.names(), rig.lookalikes(),
                                        board_, registry_, beats_, std::move(on_estimate)));
-  search_.reset();
-  if (search) {
-    search_ = SearchUnit::start(
-        std::move(search), installation.cameras.size(), board_,
-        [fusion = fusion_](Observation found) { fusion->push(std::move(found)); }, registry_,
-        beats_);
-  }
+  start_search(installation, std::move(search));
   start_points(installation, rig);
   for (CameraParts& camera : parts) {
     SL_RETURN_IF_ERROR(start_camera(installation, rig, std::move(camera)));
@@ -290,7 +293,20 @@ Status Daemon::start_pipeline(const Installation& installation, const Rig& rig,
   return {};
 }
 
+void Daemon::start_search(const Installation& installation, std::unique_ptr<ObjectSearch> search) {
+  search_->replace(nullptr);
+  std::shared_ptr<SearchUnit> unit;
+  if (search) {
+    unit = SearchUnit::start(
+        std::move(search), installation.cameras.size(), board_,
+        [fusion = fusion_](Observation found) { fusion->push(std::move(found)); }, registry_,
+        beats_);
+  }
+  search_->replace(std::move(unit));
+}
+
 void Daemon::start_points(const Installation& installation, const Rig& rig) {
+  points_->replace(nullptr);
   const auto observing =
       std::count_if(installation.cameras.begin(), installation.cameras.end(),
                     [](const CameraConfig& camera) { return observes(camera.role); });
@@ -299,8 +315,7 @@ void Daemon::start_points(const Installation& installation, const Rig& rig) {
     unit = PointsUnit::start(installation.points, std::make_unique<ObjectPoints>(installation, rig),
                              installation.cameras.size(), rig.names(), board_, registry_, beats_);
   }
-  std::lock_guard lock(mutex_);
-  points_ = std::move(unit);
+  points_->replace(std::move(unit));
 }
 
 void Daemon::stop_cameras() {
@@ -320,8 +335,8 @@ Status Daemon::stop() {
   stop_views();
   actions_.reset();
   stop_cameras();
-  if (search_) search_->stop();
-  if (points_) points_->stop();
+  search_->replace(nullptr);
+  points_->replace(nullptr);
   if (fusion_) fusion_->stop();
   http_.reset();
   stop_rtsp();
@@ -335,12 +350,11 @@ Status Daemon::reload(Installation next) {
     return {};
   }
   const std::string summary = changes.summary();
-  const bool everything = changes.camera_ids || changes.object_ids || changes.scene ||
-                          changes.surfaces || changes.observe || changes.estimator ||
-                          changes.rtsp || changes.encoder || changes.http || changes.record ||
-                          !changes.objects_added.empty() || !changes.objects_removed.empty() ||
-                          !changes.objects_changed.empty() ||
-                          ((recorder_ || search_ || points_) && cameras_differ(changes));
+  const bool everything =
+      changes.camera_ids || changes.object_ids || changes.scene || changes.surfaces ||
+      changes.observe || changes.estimator || changes.rtsp || changes.encoder || changes.http ||
+      changes.record || !changes.objects_added.empty() || !changes.objects_removed.empty() ||
+      !changes.objects_changed.empty() || (recorder_ && cameras_differ(changes));
   SL_RETURN_IF_ERROR(everything ? restart_all(std::move(next))
                                 : restart_some(std::move(next), changes));
   if (changes.action) {
@@ -363,8 +377,8 @@ Status Daemon::restart_all(Installation next) {
   SL_ASSIGN(Servers servers, make_moved_servers(next));
   stop_views();
   stop_cameras();
-  if (search_) search_->stop();
-  if (points_) points_->stop();
+  search_->replace(nullptr);
+  points_->replace(nullptr);
   fusion_->stop();
   if (recorder_) (void)recorder_->stop();
   recorder_.reset();
@@ -421,6 +435,11 @@ Status Daemon::restart_some(Installation next, const InstallationChanges& change
       parts.push_back(std::move(made));
     }
   }
+  // What looks into all cameras at once is made anew with any of them.
+  std::unique_ptr<ObjectSearch> search;
+  if (cameras_differ(changes)) {
+    SL_ASSIGN(search, ObjectSearch::create(next, *rig_, cache_folder()));
+  }
   // Views show the cameras and what all draw, so they are made anew with either.
   const bool views_differ = changes.views || changes.render || cameras_differ(changes);
   std::vector<ViewParts> views;
@@ -454,6 +473,10 @@ Status Daemon::restart_some(Installation next, const InstallationChanges& change
   {
     std::lock_guard lock(mutex_);
     installation_ = std::move(next);
+  }
+  if (cameras_differ(changes)) {
+    start_search(installation_, std::move(search));
+    start_points(installation_, *rig_);
   }
   for (CameraParts& made : parts) {
     SL_RETURN_IF_ERROR(start_camera(installation_, *rig_, std::move(made)));
@@ -535,8 +558,9 @@ std::string Daemon::state_json() const {
   if (board_) board_->read(tracks);
   std::vector<std::string> camera_names;
   for (const CameraConfig& camera : installation_.cameras) camera_names.push_back(camera.name);
+  const auto points = points_->get();
   return format_state_json(installation_.name, cameras, rig_->names(), tracks, camera_names,
-                           points_ ? points_->checks() : std::vector<PointCheck>());
+                           points ? points->checks() : std::vector<PointCheck>());
 }
 
 }  // namespace sightline

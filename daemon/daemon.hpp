@@ -22,6 +22,7 @@
 #include "sightline/stream/rtsp_server.hpp"
 #include "source_factory.hpp"
 #include "stream_output.hpp"
+#include "unit_slot.hpp"
 #include "view_unit.hpp"
 
 namespace sightline {
@@ -79,6 +80,7 @@ class Daemon {
   Status start_pipeline(const Installation& installation, const Rig& rig,
                         std::vector<CameraParts> parts, std::unique_ptr<ObjectSearch> search);
   Status start_camera(const Installation& installation, const Rig& rig, CameraParts parts);
+  void start_search(const Installation& installation, std::unique_ptr<ObjectSearch> search);
   void start_points(const Installation& installation, const Rig& rig);
   void stop_cameras();
   Result<std::vector<ViewParts>> prepare_views(const Installation& installation,
@@ -103,8 +105,10 @@ class Daemon {
   std::shared_ptr<const Rig> rig_;
   std::shared_ptr<TrackBoard> board_;
   std::shared_ptr<FusionUnit> fusion_;
-  std::shared_ptr<SearchUnit> search_;  // null: nothing to search for
-  std::shared_ptr<PointsUnit> points_;  // null: off, or fewer than two cameras observe
+  // Nothing to search for: empty.
+  std::shared_ptr<UnitSlot<SearchUnit>> search_ = std::make_shared<UnitSlot<SearchUnit>>();
+  // Off, or fewer than two cameras observe: empty.
+  std::shared_ptr<UnitSlot<PointsUnit>> points_ = std::make_shared<UnitSlot<PointsUnit>>();
   std::shared_ptr<RecorderUnit> recorder_;
   std::unique_ptr<RtspServer> rtsp_;
   std::jthread rtsp_thread_;
