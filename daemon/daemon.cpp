@@ -69,6 +69,7 @@ Result<std::unique_ptr<Daemon>> Daemon::start(Installation installation,
   SL_RETURN_IF_ERROR(
       daemon->start_pipeline(now, *daemon->rig_, std::move(parts), std::move(search)));
   SL_RETURN_IF_ERROR(daemon->start_views(now, *daemon->rig_, std::move(views)));
+  daemon->start_points(now, *daemon->rig_);
   daemon->actions_ = ActionUnit::start(now.action, daemon->registry_, daemon->beats_);
   return daemon;
 }
@@ -286,7 +287,6 @@ Status Daemon::start_pipeline(const Installation& installation, const Rig& rig,
   SL_ASSIGN(fusion_, FusionUnit::start(installation.estimator, rig.names(), rig.lookalikes(),
                                        board_, registry_, beats_, std::move(on_estimate)));
   start_search(installation, std::move(search));
-  start_points(installation, rig);
   for (CameraParts& camera : parts) {
     SL_RETURN_IF_ERROR(start_camera(installation, rig, std::move(camera)));
   }
@@ -305,6 +305,7 @@ void Daemon::start_search(const Installation& installation, std::unique_ptr<Obje
   search_->replace(std::move(unit));
 }
 
+// Last: it takes a moment to make, and a stream that is not there yet is refused to its viewers.
 void Daemon::start_points(const Installation& installation, const Rig& rig) {
   points_->replace(nullptr);
   const auto observing =
@@ -391,7 +392,9 @@ Status Daemon::restart_all(Installation next) {
   SL_RETURN_IF_ERROR(start_recorder(installation_));
   SL_RETURN_IF_ERROR(start_servers(installation_));
   SL_RETURN_IF_ERROR(start_pipeline(installation_, *rig_, std::move(parts), std::move(search)));
-  return start_views(installation_, *rig_, std::move(views));
+  SL_RETURN_IF_ERROR(start_views(installation_, *rig_, std::move(views)));
+  start_points(installation_, *rig_);
+  return {};
 }
 
 Result<Daemon::Servers> Daemon::make_moved_servers(const Installation& next) {
@@ -476,12 +479,13 @@ Status Daemon::restart_some(Installation next, const InstallationChanges& change
   }
   if (cameras_differ(changes)) {
     start_search(installation_, std::move(search));
-    start_points(installation_, *rig_);
   }
   for (CameraParts& made : parts) {
     SL_RETURN_IF_ERROR(start_camera(installation_, *rig_, std::move(made)));
   }
-  return start_views(installation_, *rig_, std::move(views));
+  SL_RETURN_IF_ERROR(start_views(installation_, *rig_, std::move(views)));
+  if (cameras_differ(changes)) start_points(installation_, *rig_);
+  return {};
 }
 
 bool Daemon::ended() const {
