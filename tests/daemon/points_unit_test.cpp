@@ -91,7 +91,6 @@ class Points {
   }
 
   Registry registry;
-  std::unique_ptr<PointsUnit> unit;
 
  private:
   SceneRig scene_;
@@ -100,6 +99,9 @@ class Points {
   std::vector<std::shared_ptr<const Picture>> pictures_;
   std::shared_ptr<TrackBoard> board_ = std::make_shared<TrackBoard>(1);
   HeartbeatBoard beats_;
+
+ public:
+  std::unique_ptr<PointsUnit> unit;  // last: its thread uses the others
 };
 
 TEST(PointsUnit, PointsLieOnTheMeshWhereThePoseIsRight) {
