@@ -6,11 +6,11 @@
 
 #include <Eigen/LU>
 #include <algorithm>
-#include <ctime>
 #include <map>
 #include <string>
 #include <vector>
 
+#include "figures.hpp"
 #include "object_views.hpp"
 #include "rig.hpp"
 #include "sightline/observe/feature_detector.hpp"
@@ -21,6 +21,9 @@
 namespace sightline {
 namespace {
 
+using bench::cpu_ms;
+using bench::quantile;
+
 struct Arguments {
   std::filesystem::path recording, features;
   double from = 0, to = 1e9;
@@ -28,18 +31,6 @@ struct Arguments {
   size_t every = 1;
   bool verbose = false;
 };
-
-double cpu_ms() {
-  timespec now{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) * 1e3 + static_cast<double>(now.tv_nsec) * 1e-6;
-}
-
-double quantile(std::vector<double> values, double q) {
-  if (values.empty()) return 0;
-  std::sort(values.begin(), values.end());
-  return values[static_cast<size_t>(q * static_cast<double>(values.size() - 1))];
-}
 
 struct Score {
   size_t sets = 0, found = 0, several = 0, without_truth_pose = 0, wrong = 0;

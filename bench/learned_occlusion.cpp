@@ -11,12 +11,15 @@
 #include <map>
 #include <sstream>
 
+#include "figures.hpp"
 #include "mesh_depth_renderer.hpp"
 #include "replay_pipeline.hpp"
 #include "sightline/config/object_file.hpp"
 
 namespace sightline {
 namespace {
+
+using bench::quantile;
 
 struct Arguments {
   std::filesystem::path recording;
@@ -48,12 +51,6 @@ struct Figures {
   double false_pixels = 0, clear_pixels = 0;  // where nothing hides
   size_t false_frames = 0, clear_frames = 0, not_tracked = 0;
 };
-
-double quantile(std::vector<double> values, double q) {
-  if (values.empty()) return 0;
-  std::sort(values.begin(), values.end());
-  return values[static_cast<size_t>(q * static_cast<double>(values.size() - 1))];
-}
 
 class Judge {
  public:

@@ -9,16 +9,19 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cstring>
-#include <ctime>
 #include <map>
 
 #include "camera_observer.hpp"
+#include "figures.hpp"
 #include "sightline/fuse/estimator.hpp"
 #include "sightline/record/evaluate.hpp"
 #include "sightline/record/replay.hpp"
 
 namespace sightline {
 namespace {
+
+using bench::cpu_ms;
+using bench::quantile;
 
 struct Arguments {
   std::filesystem::path recording;
@@ -27,18 +30,6 @@ struct Arguments {
   std::filesystem::path poses;
   bool verbose = false;
 };
-
-double cpu_ms() {
-  timespec now{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) * 1e3 + static_cast<double>(now.tv_nsec) * 1e-6;
-}
-
-double quantile(std::vector<double> values, double q) {
-  if (values.empty()) return 0;
-  std::sort(values.begin(), values.end());
-  return values[static_cast<size_t>(q * static_cast<double>(values.size() - 1))];
-}
 
 // What one kind of term of one camera says of its own error, at the truth: with g, H there its
 // minimum lies at -H^-1 g, and g^T H^-1 g is chi-square with six degrees of freedom if H is honest.

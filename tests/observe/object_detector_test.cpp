@@ -7,8 +7,8 @@
 #include <array>
 #include <numbers>
 
-#include "mesh_depth_renderer.hpp"
 #include "scan_kernel.hpp"
+#include "search_scene.hpp"
 #include "sightline/base/cpu.hpp"
 #include "sightline/observe/surface_look.hpp"
 #include "support/random.hpp"
@@ -21,18 +21,6 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr ObjectId kObject(3);
-
-std::shared_ptr<const ViewpointModel> views_of(const TriangleMesh& mesh) {
-  ViewpointModelOptions options;
-  options.subdivisions = 2;
-  options.picture_px = 240;
-  const auto render_mesh = std::make_shared<const RenderMesh>(make_render_mesh(mesh));
-  return ViewpointModel::build(mesh, mesh_depth_renderer_factory(render_mesh), options).value();
-}
-
-Rigid3 turned(double angle, const Eigen::Vector3d& axis, const Eigen::Vector3d& place) {
-  return {Eigen::Quaterniond(Eigen::AngleAxisd(angle, axis.normalized())), place};
-}
 
 // Three cameras in a cluttered room; `shape` rests or moves in their middle.
 SceneRigOptions scene(const TriangleMesh& shape, ScenePath path) {

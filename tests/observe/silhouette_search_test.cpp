@@ -6,7 +6,7 @@
 #include <Eigen/Geometry>
 
 #include "mask_overlap.hpp"
-#include "mesh_depth_renderer.hpp"
+#include "search_scene.hpp"
 #include "sightline/base/cpu.hpp"
 #include "sightline/observe/object_detector.hpp"
 #include "support/random.hpp"
@@ -19,18 +19,6 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr ObjectId kObject(3);
-
-std::shared_ptr<const ViewpointModel> views_of(const TriangleMesh& mesh) {
-  ViewpointModelOptions options;
-  options.subdivisions = 2;
-  options.picture_px = 240;
-  const auto render_mesh = std::make_shared<const RenderMesh>(make_render_mesh(mesh));
-  return ViewpointModel::build(mesh, mesh_depth_renderer_factory(render_mesh), options).value();
-}
-
-Rigid3 turned(double angle, const Eigen::Vector3d& axis, const Eigen::Vector3d& place) {
-  return {Eigen::Quaterniond(Eigen::AngleAxisd(angle, axis.normalized())), place};
-}
 
 constexpr Duration kAlone = 700ms;  ///< the room before the object comes
 
