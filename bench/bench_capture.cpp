@@ -10,18 +10,18 @@
 #include <random>
 #include <vector>
 
-#include "bayer_decoder.hpp"
+#include "capture/aravis/genicam_formats.hpp"
+#include "capture/aravis/genicam_image.hpp"
+#include "capture/decode/bayer_decoder.hpp"
+#include "capture/decode/fourcc_formats.hpp"
+#include "capture/decode/mjpeg_decoder.hpp"
 #include "capture/device_tree.hpp"
 #include "capture/scripted_v4l2.hpp"
-#include "genicam_formats.hpp"
-#include "genicam_picture.hpp"
-#include "mjpeg_decoder.hpp"
+#include "capture/v4l2/v4l2_open.hpp"
 #include "sightline/image/convert.hpp"
-#include "sightline/image/picture.hpp"
-#include "v4l2_formats.hpp"
-#include "v4l2_open.hpp"
+#include "sightline/image/image.hpp"
 
-namespace sightline {
+namespace sightline::capture {
 namespace {
 
 constexpr int kWidth = 1280, kHeight = 720;
@@ -37,10 +37,10 @@ std::vector<uint8_t> content(size_t size) {
 }
 
 void raw(benchmark::State& state, PixelFormat format) {
-  const auto bytes = content(*raw_picture_bytes(format, kWidth, kHeight, 0));
-  Picture picture(kWidth, kHeight);
+  const auto bytes = content(*raw_image_bytes(format, kWidth, kHeight, 0));
+  Image image(kWidth, kHeight);
   for (auto _ : state) {
-    if (!raw_to_i420(format, bytes, 0, picture.mutable_view())) std::abort();
+    if (!raw_to_i420(format, bytes, 0, image.mutable_view())) std::abort();
   }
 }
 
@@ -48,9 +48,9 @@ void bayer(benchmark::State& state, BayerPacking packing) {
   const size_t row = bayer_row_bytes(packing, kWidth);
   const auto bytes = content(row * kHeight);
   BayerDecoder decoder(MosaicPattern::kRggb, packing, kWidth, kHeight);
-  Picture picture(kWidth, kHeight);
+  Image image(kWidth, kHeight);
   for (auto _ : state) {
-    if (!decoder.decode(bytes, static_cast<ptrdiff_t>(row), picture.mutable_view())) std::abort();
+    if (!decoder.decode(bytes, static_cast<ptrdiff_t>(row), image.mutable_view())) std::abort();
   }
 }
 
@@ -69,9 +69,9 @@ void mjpeg(benchmark::State& state, int sampling) {
   const auto rgb = content(size_t{kWidth} * kHeight * 3);
   const auto jpeg = jpeg_of(rgb, sampling);
   MjpegDecoder decoder;
-  Picture picture(kWidth, kHeight);
+  Image image(kWidth, kHeight);
   for (auto _ : state) {
-    if (!decoder.decode(jpeg, picture.mutable_view())) std::abort();
+    if (!decoder.decode(jpeg, image.mutable_view())) std::abort();
   }
   state.counters["bytes"] = static_cast<double>(jpeg.size());
 }
@@ -79,18 +79,18 @@ void mjpeg(benchmark::State& state, int sampling) {
 // GigE Vision and USB3 Vision: what these formats add (unpacking) included.
 void genicam(benchmark::State& state, const char* name) {
   const GenicamFormat& format = *find_genicam_format(name);
-  GenicamPicture picture(format, kWidth, kHeight, 0);
-  const auto bytes = content(picture.bytes_needed());
+  GenicamImage image(format, kWidth, kHeight, 0);
+  const auto bytes = content(image.bytes_needed());
   FrameInfo info;
   for (auto _ : state) {
-    const FramePtr frame = picture.frame(info, bytes, nullptr);
+    const FramePtr frame = image.frame(info, bytes, nullptr);
     benchmark::DoNotOptimize(frame->i420().y.data);
   }
 }
 
 // The driver is a script whose buffers are full from the start, so that its work costs nothing.
 void source(benchmark::State& state, const char* name) {
-  const V4l2Format& format = *find_v4l2_format(std::string_view(name));
+  const FourccFormat& format = *find_fourcc_format(std::string_view(name));
   const auto device = std::make_shared<test::ScriptedV4l2>();
   device->modes = {{format.fourcc, kWidth, kHeight, {30}}};
   test::DeviceTree tree;
@@ -103,16 +103,18 @@ void source(benchmark::State& state, const char* name) {
     state.SkipWithError(opened.error().message().c_str());
     return;
   }
-  auto picture = content(size_t{kWidth} * kHeight * 3);
-  if (format.kind == V4l2Kind::kMjpeg) picture = jpeg_of(picture, TJSAMP_422);
-  const size_t bytes = std::min<size_t>(picture.size(), device->format().sizeimage);
+  auto image = content(size_t{kWidth} * kHeight * 3);
+  if (format.kind == FormatKind::kMjpeg) image = jpeg_of(image, TJSAMP_422);
+  const size_t bytes = std::min<size_t>(image.size(), device->format().sizeimage);
   for (size_t i = 0; i < device->buffers(); ++i) {
-    std::copy_n(picture.begin(), bytes, device->memory(i));
+    std::copy_n(image.begin(), bytes, device->memory(i));
   }
-  test::ScriptedV4l2::Shot shot;
-  shot.change = [bytes](v4l2_buffer& buffer) { buffer.bytesused = static_cast<uint32_t>(bytes); };
+  test::ScriptedV4l2::Buffer scripted;
+  scripted.change = [bytes](v4l2_buffer& buffer) {
+    buffer.bytesused = static_cast<uint32_t>(bytes);
+  };
   for (auto _ : state) {
-    device->send(shot);
+    device->send(scripted);
     const auto step = (*opened)->next({}, std::chrono::seconds(1));
     if (!step || !step->frame) std::abort();
     benchmark::DoNotOptimize(step->frame->i420().y.data);
@@ -123,7 +125,7 @@ BENCHMARK_CAPTURE(raw, i420, PixelFormat::kI420);
 BENCHMARK_CAPTURE(raw, nv12, PixelFormat::kNv12);
 BENCHMARK_CAPTURE(raw, yuyv, PixelFormat::kYuyv);
 BENCHMARK_CAPTURE(raw, uyvy, PixelFormat::kUyvy);
-BENCHMARK_CAPTURE(raw, grey, PixelFormat::kGrey);
+BENCHMARK_CAPTURE(raw, gray, PixelFormat::kGray);
 BENCHMARK_CAPTURE(raw, y12, PixelFormat::kY12);
 BENCHMARK_CAPTURE(raw, rgb24, PixelFormat::kRgb24);
 BENCHMARK_CAPTURE(bayer, srggb8, BayerPacking::k8);
@@ -143,7 +145,7 @@ SOURCE(YUYV);
 SOURCE(UYVY);
 SOURCE(NV12);
 SOURCE(YUV420);
-SOURCE(GREY);
+SOURCE(GRAY);
 SOURCE(Y10);
 SOURCE(Y12);
 SOURCE(Y16);
@@ -159,4 +161,4 @@ SOURCE(MJPEG);
 #undef SOURCE
 
 }  // namespace
-}  // namespace sightline
+}  // namespace sightline::capture

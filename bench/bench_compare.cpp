@@ -8,10 +8,10 @@
 #include <nlohmann/json.hpp>
 
 #include "compare.hpp"
-#include "sightline/render/camera_renderer.hpp"
-#include "sightline/render/mesh_levels.hpp"
-#include "sightline/render/ray_table.hpp"
-#include "sightline/render/render_mesh.hpp"
+#include "sightline/render/mesh/level_of_detail.hpp"
+#include "sightline/render/mesh/render_mesh.hpp"
+#include "sightline/render/overlay/camera_renderer.hpp"
+#include "sightline/render/raster/ray_table.hpp"
 
 namespace sightline::compare {
 namespace {
@@ -30,7 +30,7 @@ Scene make_scene(int height) {
   Scene scene{CameraModel::create(p, "bench").value(),
               make_bumpy_torus(10'000, static_cast<float>(kRadius)),
               {},
-              std::make_shared<Picture>(p.width, p.height)};
+              std::make_shared<Image>(p.width, p.height)};
   const Eigen::Vector3d axis = Eigen::Vector3d(1, 2, 3).normalized();
   for (size_t k = 0; k < kPoses; ++k) {
     const double step = static_cast<double>(k);
@@ -47,7 +47,7 @@ Contestant sightline_contestant(const Scene& scene, const char* name, const Over
   const auto mesh = std::make_shared<const RenderMesh>(make_render_mesh(scene.mesh));
   auto created = CameraRenderer::create(
       {"bench", scene.camera, Rigid3(), 0.3}, CameraId(0),
-      {{ObjectId(0), "torus", mesh, style, std::make_shared<const MeshLevels>(mesh)}},
+      {{ObjectId(0), "torus", mesh, style, std::make_shared<const LevelOfDetail>(mesh)}},
       RayTable::build(scene.camera), nullptr, options);
   if (!created) return {name, {}, created.error().message()};
   struct State {
@@ -126,7 +126,7 @@ void compare(int height, nlohmann::json& rows) {
 }
 
 void print_table(const nlohmann::json& rows) {
-  std::printf("| picture | what | CPU ms a frame | times the first |\n| --- | --- | --- | --- |\n");
+  std::printf("| image | what | CPU ms a frame | times the first |\n| --- | --- | --- | --- |\n");
   for (const auto& row : rows) {
     const std::string what = row["what"];
     const int height = row["height"];

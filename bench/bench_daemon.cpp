@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// CPU of one camera through the daemon's own units, YUYV in, one RTSP viewer in another process,
-// against the encoder alone on the same pictures at the same pace (DESIGN section 7).
+// CPU of one camera through the daemon's own workers, YUYV in, one RTSP viewer in another process,
+// against the encoder alone on the same images at the same pace.
 //   bench_daemon [--seconds N] [--width W --height H] [--json]
 #include <fmt/format.h>
 #include <signal.h>
@@ -14,13 +14,13 @@
 #include <random>
 #include <thread>
 
-#include "camera_unit.hpp"
 #include "sightline/base/thread.hpp"
 #include "sightline/geometry/mesh.hpp"
 #include "sightline/image/convert.hpp"
-#include "sightline/render/ray_table.hpp"
-#include "sightline/render/render_mesh.hpp"
-#include "sightline/render/static_depth.hpp"
+#include "sightline/render/mesh/render_mesh.hpp"
+#include "sightline/render/raster/ray_table.hpp"
+#include "sightline/render/raster/static_depth.hpp"
+#include "workers/camera_worker.hpp"
 
 extern char** environ;
 
@@ -30,7 +30,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr double kRate = 30;
-constexpr size_t kPictures = 16;  // a ring of different pictures, so that the encoder has work
+constexpr size_t kImages = 16;  // a ring of different images, so that the encoder has work
 constexpr size_t kTriangles = 10'000;
 constexpr double kFocal = 900;
 constexpr double kObjectPx = 256;
@@ -38,7 +38,7 @@ constexpr double kObjectPx = 256;
 // A static mosaic with a moving part and Gaussian sensor noise, packed YUYV.
 struct Footage {
   int width, height;
-  std::vector<std::shared_ptr<std::vector<uint8_t>>> pictures;
+  std::vector<std::shared_ptr<std::vector<uint8_t>>> images;
 
   Footage(int w, int h) : width(w), height(h) {
     std::mt19937 random(7);
@@ -47,7 +47,7 @@ struct Footage {
     for (uint8_t& cell : cells) cell = static_cast<uint8_t>(40 + random() % 160);
     std::vector<int> noise_table(1 << 16);
     for (int& n : noise_table) n = static_cast<int>(std::lround(noise(random)));
-    for (size_t i = 0; i < kPictures; ++i) pictures.push_back(make(i, cells, noise_table, random));
+    for (size_t i = 0; i < kImages; ++i) images.push_back(make(i, cells, noise_table, random));
   }
 
   std::shared_ptr<std::vector<uint8_t>> make(size_t i, const std::vector<uint8_t>& cells,
@@ -77,7 +77,7 @@ class FootageSource : public FrameSource {
  public:
   FootageSource(std::shared_ptr<const Footage> footage)
       : footage_(std::move(footage)),
-        pool_(std::make_shared<PicturePool>(footage_->width, footage_->height)),
+        pool_(std::make_shared<ImagePool>(footage_->width, footage_->height)),
         next_(MonotonicClock::now()) {
     info_.width = footage_->width;
     info_.height = footage_->height;
@@ -93,7 +93,7 @@ class FootageSource : public FrameSource {
     info.format = PixelFormat::kYuyv;
     info.width = footage_->width;
     info.height = footage_->height;
-    const auto& bytes = footage_->pictures[info.sequence % kPictures];
+    const auto& bytes = footage_->images[info.sequence % kImages];
     FramePayload payload;
     payload.bytes = *bytes;
     payload.owner = bytes;
@@ -102,7 +102,7 @@ class FootageSource : public FrameSource {
 
  private:
   std::shared_ptr<const Footage> footage_;
-  std::shared_ptr<PicturePool> pool_;
+  std::shared_ptr<ImagePool> pool_;
   Time next_;
   uint64_t sequence_ = 0;
   SourceInfo info_;
@@ -125,32 +125,32 @@ EncoderOptions encoder_options(const Footage& footage) {
   return options;
 }
 
-// CPU per frame of the encoder on ready I420 pictures.
+// CPU per frame of the encoder on ready I420 images.
 Result<double> encoder_alone(const std::shared_ptr<const Footage>& footage, double seconds) {
-  std::vector<std::shared_ptr<Picture>> pictures;
-  for (const auto& bytes : footage->pictures) {
-    pictures.push_back(std::make_shared<Picture>(footage->width, footage->height));
-    SL_RETURN_IF_ERROR(raw_to_i420(PixelFormat::kYuyv, *bytes, 0, pictures.back()->mutable_view()));
+  std::vector<std::shared_ptr<Image>> images;
+  for (const auto& bytes : footage->images) {
+    images.push_back(std::make_shared<Image>(footage->width, footage->height));
+    SL_RETURN_IF_ERROR(raw_to_i420(PixelFormat::kYuyv, *bytes, 0, images.back()->mutable_view()));
   }
   SL_ASSIGN(auto encoder, VideoEncoder::create(encoder_options(*footage), "alone", [](auto) {}));
   const size_t warm = static_cast<size_t>(kRate);
   const size_t frames = warm + static_cast<size_t>(seconds * kRate);
   Time next = MonotonicClock::now();
   double start = 0;
-  AnnotatedPicture annotated;
+  AnnotatedImage annotated;
   for (size_t i = 0; i < frames; ++i) {
     if (i == warm) start = process_cpu_ms();
     next += from_seconds(1 / kRate);
     std::this_thread::sleep_for(next - MonotonicClock::now());
     annotated.frame.sequence = i;
     annotated.frame.capture = MonotonicClock::now();
-    annotated.picture = pictures[i % kPictures];
+    annotated.image = images[i % kImages];
     encoder->push(annotated, {});
   }
   return (process_cpu_ms() - start) / static_cast<double>(frames - warm);
 }
 
-// An object of kObjectPx pixels in the middle of the picture, published as tracked all the time.
+// An object of kObjectPx pixels in the middle of the image, published as tracked all the time.
 PoseTrackPtr track_now(ObjectId id, Time now) {
   std::vector<PoseEstimate> history;
   for (int i = 10; i >= 0; --i) {
@@ -195,10 +195,10 @@ struct Pipeline {
   std::unique_ptr<RtspServer> server;
   std::jthread server_thread;
   std::shared_ptr<TrackBoard> board;
-  std::unique_ptr<CameraUnit> unit;
+  std::unique_ptr<CameraWorker> worker;
 
   ~Pipeline() {
-    unit.reset();
+    worker.reset();
     server_thread.request_stop();
     if (server_thread.joinable()) server_thread.join();
   }
@@ -239,16 +239,16 @@ Result<std::unique_ptr<Pipeline>> start_pipeline(const std::shared_ptr<const Foo
   parts.name = "bench";
   parts.width = footage->width;
   parts.height = footage->height;
-  parts.open_source = [footage]() -> Result<std::unique_ptr<FrameSource>> {
+  parts.open_source = [footage](const std::stop_token&) -> Result<std::unique_ptr<FrameSource>> {
     return std::unique_ptr<FrameSource>(std::make_unique<FootageSource>(footage));
   };
-  SL_ASSIGN(parts.renderer, CameraRenderer::create(camera, CameraId(0), std::move(objects),
-                                                   RayTable::build(model), nullptr, {}));
+  SL_ASSIGN(parts.draw.renderer, CameraRenderer::create(camera, CameraId(0), std::move(objects),
+                                                        RayTable::build(model), nullptr, {}));
   parts.output = StreamOutput::create("bench", encoder_options(*footage), names, std::move(stream),
                                       pipeline->registry);
   pipeline->board = std::make_shared<TrackBoard>(names.size());
-  parts.board = pipeline->board;
-  pipeline->unit = CameraUnit::start(std::move(parts), pipeline->registry, pipeline->beats);
+  parts.draw.board = pipeline->board;
+  pipeline->worker = CameraWorker::start(std::move(parts), pipeline->registry, pipeline->beats);
   return pipeline;
 }
 
@@ -262,9 +262,9 @@ Result<PipelineFigures> pipeline_cpu(const std::shared_ptr<const Footage>& foota
   SL_ASSIGN(auto pipeline, start_pipeline(footage, overlay));
   std::unique_ptr<Viewer> viewer;
   if (viewer_on) {
-    viewer = std::make_unique<Viewer>(pipeline->unit->output()->url());
+    viewer = std::make_unique<Viewer>(pipeline->worker->output()->url());
     const Time limit = MonotonicClock::now() + 10s;
-    while (pipeline->unit->output()->viewers() == 0) {
+    while (pipeline->worker->output()->viewers() == 0) {
       if (!viewer->running() || MonotonicClock::now() > limit) {
         return make_error(ErrorCode::kUnavailable, "ffmpeg", "no viewer came; install ffmpeg");
       }
@@ -273,7 +273,7 @@ Result<PipelineFigures> pipeline_cpu(const std::shared_ptr<const Footage>& foota
   }
   Counter& frames = pipeline->registry.counter("sightline_frames_total", "", {{"camera", "bench"}});
   Counter& encoded =
-      pipeline->registry.counter("sightline_pictures_encoded_total", "", {{"camera", "bench"}});
+      pipeline->registry.counter("sightline_images_encoded_total", "", {{"camera", "bench"}});
   const auto publish_for = [&](double duration) {
     const Time end = MonotonicClock::now() + from_seconds(duration);
     while (MonotonicClock::now() < end) {

@@ -14,13 +14,13 @@
 
 #include "sightline/geometry/mesh.hpp"
 #include "sightline/image/convert.hpp"
-#include "sightline/image/picture.hpp"
-#include "sightline/render/camera_renderer.hpp"
-#include "sightline/render/mesh_levels.hpp"
-#include "sightline/render/mesh_paint.hpp"
-#include "sightline/render/ray_table.hpp"
-#include "sightline/render/render_mesh.hpp"
-#include "sightline/render/static_depth.hpp"
+#include "sightline/image/image.hpp"
+#include "sightline/render/mesh/level_of_detail.hpp"
+#include "sightline/render/mesh/mesh_paint.hpp"
+#include "sightline/render/mesh/render_mesh.hpp"
+#include "sightline/render/overlay/camera_renderer.hpp"
+#include "sightline/render/raster/ray_table.hpp"
+#include "sightline/render/raster/static_depth.hpp"
 
 namespace sightline {
 namespace {
@@ -32,14 +32,14 @@ CalibratedCamera camera(int height) {
   CameraModel::Parameters p;
   p.width = height * 16 / 9;
   p.height = height;
-  p.fx = p.fy = 900;  // the same at both sizes, so that the object's picture is the same
+  p.fx = p.fy = 900;  // the same at both sizes, so that the object's image is the same
   p.cx = 0.5 * p.width;
   p.cy = 0.5 * p.height;
   p.distortion = {-0.10, 0.05, 3e-4, -2e-4};
   return {"bench", CameraModel::create(p, "bench").value(), Rigid3(), 0.3};
 }
 
-/// Rays and the wall's depth of one picture size.
+/// Rays and the wall's depth of one image size.
 struct Rig {
   CalibratedCamera calibrated;
   std::shared_ptr<const RayTable> rays;
@@ -59,7 +59,7 @@ const Rig& rig(int height) {
   return height == 720 ? hd : full_hd;
 }
 
-/// The object at step k, in the middle of the picture, turning.
+/// The object at step k, in the middle of the image, turning.
 PoseTrackPtr track(int k) {
   PoseEstimate estimate;
   estimate.time = time_from_ns(k);
@@ -74,15 +74,15 @@ PoseTrackPtr track(int k) {
 
 /// A texture of 1024 x 1024 with print on it.
 std::shared_ptr<const SurfaceTexture> stripes() {
-  Picture picture(1024, 1024);
-  const MutableI420View to = picture.mutable_view();
+  Image image(1024, 1024);
+  const MutableI420View to = image.mutable_view();
   for (int y = 0; y < 1024; ++y) {
     for (int x = 0; x < 1024; ++x) to.y.row(y)[x] = (x / 8 + y / 16) % 2 == 0 ? 60 : 200;
   }
   for (int y = 0; y < 512; ++y) {
     for (int x = 0; x < 512; ++x) to.u.row(y)[x] = to.v.row(y)[x] = x % 64 < 32 ? 100 : 150;
   }
-  return std::make_shared<const SurfaceTexture>(picture.view());
+  return std::make_shared<const SurfaceTexture>(image.view());
 }
 
 /// The mesh printed from above.
@@ -114,10 +114,10 @@ const std::shared_ptr<const RenderMesh>& torus(size_t faces) {
   return mesh;
 }
 
-std::shared_ptr<const MeshLevels> levels_of(const std::shared_ptr<const RenderMesh>& mesh) {
-  static std::map<const RenderMesh*, std::shared_ptr<const MeshLevels>> made;
+std::shared_ptr<const LevelOfDetail> levels_of(const std::shared_ptr<const RenderMesh>& mesh) {
+  static std::map<const RenderMesh*, std::shared_ptr<const LevelOfDetail>> made;
   auto& levels = made[mesh.get()];
-  if (levels == nullptr) levels = std::make_shared<const MeshLevels>(mesh);
+  if (levels == nullptr) levels = std::make_shared<const LevelOfDetail>(mesh);
   return levels;
 }
 
@@ -152,8 +152,8 @@ void overlay(benchmark::State& state, const OverlayStyle& style, bool copy,
     return;
   }
   const auto renderer = *std::move(created);
-  Picture frame(at.calibrated.model.width(), height);
-  Picture out(at.calibrated.model.width(), height);
+  Image frame(at.calibrated.model.width(), height);
+  Image out(at.calibrated.model.width(), height);
   std::vector<PoseTrackPtr> tracks;
   for (int k = 0; k < 128; ++k) tracks.push_back(track(k));
   std::vector<PoseAt> poses;
@@ -175,7 +175,8 @@ void overlay(benchmark::State& state, const OverlayStyle& style, bool copy,
   if (levels != nullptr) {
     const PoseAt& pose = poses.front();
     state.counters["drawn"] = static_cast<double>(
-        levels->choose(*at.rays, pose.estimate.world_from_object, options.detail_px).faces.size());
+        levels->choose(at.rays->model(), pose.estimate.world_from_object, options.detail_px)
+            .faces.size());
   }
 }
 

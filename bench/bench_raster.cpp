@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// The CPU rasteriser alone: a bumpy torus about as large as the tile, camera A of the tests.
+// The CPU rasterizer alone: a bumpy torus about as large as the tile, camera A of the tests.
 #include <benchmark/benchmark.h>
 
 #include <Eigen/Geometry>
 #include <cmath>
 
-#include "sightline/render/raster.hpp"
-#include "sightline/render/ray_table.hpp"
-#include "sightline/render/render_mesh.hpp"
+#include "sightline/render/mesh/render_mesh.hpp"
+#include "sightline/render/raster/raster.hpp"
+#include "sightline/render/raster/ray_table.hpp"
 
 namespace sightline {
 namespace {

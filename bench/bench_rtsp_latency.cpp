@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 
-// Delay of the stream on loopback: from the hand-over of a picture to the encoder to the decoded
-// picture in a GStreamer client of the same process, over TCP and over UDP. A 24-bit counter is
-// painted into the picture as black and white blocks, so the measurement needs nothing but pixels.
+// Delay of the stream on loopback: from the hand-over of an image to the encoder to the decoded
+// image in a GStreamer client of the same process, over TCP and over UDP. A 24-bit counter is
+// painted into the image as black and white blocks, so the measurement needs nothing but pixels.
 // Prints one JSON object. Usage: bench_rtsp_latency [PICTURES]
 
 #include <fmt/format.h>
@@ -30,10 +30,10 @@ constexpr int kWidth = 1280, kHeight = 720, kBlock = 32, kBits = 24;
 constexpr double kRate = 30;
 constexpr int kWarmUp = 30;
 
-/// Noise on a gradient, different for each of a few pictures, so that the encoder has work.
-std::shared_ptr<Picture> textured_picture(unsigned seed) {
-  auto picture = std::make_shared<Picture>(kWidth, kHeight);
-  const MutableI420View view = picture->mutable_view();
+/// Noise on a gradient, different for each of a few images, so that the encoder has work.
+std::shared_ptr<Image> textured_image(unsigned seed) {
+  auto image = std::make_shared<Image>(kWidth, kHeight);
+  const MutableI420View view = image->mutable_view();
   std::mt19937 random(seed);
   std::normal_distribution<double> noise(0, 2);
   for (int y = 0; y < kHeight; ++y) {
@@ -45,7 +45,7 @@ std::shared_ptr<Picture> textured_picture(unsigned seed) {
   for (const MutablePlaneView& plane : {view.u, view.v}) {
     for (int y = 0; y < plane.height; ++y) std::fill_n(plane.row(y), plane.width, uint8_t{128});
   }
-  return picture;
+  return image;
 }
 
 void paint_counter(const MutablePlaneView& luma, uint32_t counter) {
@@ -58,15 +58,15 @@ void paint_counter(const MutablePlaneView& luma, uint32_t counter) {
 uint32_t read_counter(const uint8_t* luma, int stride) {
   uint32_t counter = 0;
   for (int bit = 0; bit < kBits; ++bit) {
-    const int centre = kBlock / 2 * stride + bit * kBlock + kBlock / 2;
-    if (luma[centre] > 128) counter |= 1u << bit;
+    const int center = kBlock / 2 * stride + bit * kBlock + kBlock / 2;
+    if (luma[center] > 128) counter |= 1u << bit;
   }
   return counter;
 }
 
 /// Time of each hand-over by counter, and the delays seen by the client.
 struct Log {
-  explicit Log(size_t pictures) : pushed_ns(pictures + 1000) {}
+  explicit Log(size_t images) : pushed_ns(images + 1000) {}
   std::vector<std::atomic<int64_t>> pushed_ns;
   std::vector<double> delays_ms;   ///< client's thread until the client has stopped
   std::vector<double> encoded_ms;  ///< encoder's thread: hand-over to packet
@@ -116,17 +116,17 @@ std::string percentiles(std::vector<double> delays) {
   const auto at = [&](double share) {
     return delays[static_cast<size_t>(share * static_cast<double>(delays.size() - 1))];
   };
-  return fmt::format(R"({{"pictures": {}, "p50_ms": {:.2f}, "p90_ms": {:.2f}, "p99_ms": {:.2f}, )"
+  return fmt::format(R"({{"images": {}, "p50_ms": {:.2f}, "p90_ms": {:.2f}, "p99_ms": {:.2f}, )"
                      R"("max_ms": {:.2f}}})",
                      delays.size(), at(0.5), at(0.9), at(0.99), delays.back());
 }
 
-Result<std::string> measure(const std::string& transport, size_t pictures) {
+Result<std::string> measure(const std::string& transport, size_t images) {
   RtspOptions rtsp;
   rtsp.port = 0;
   SL_ASSIGN(const auto server, RtspServer::create(rtsp));
   SL_ASSIGN(const auto stream, server->add_stream("bench", {kWidth, kHeight, kRate}));
-  Log log(pictures);
+  Log log(images);
   EncoderOptions options;
   options.width = kWidth;
   options.height = kHeight;
@@ -137,23 +137,23 @@ Result<std::string> measure(const std::string& transport, size_t pictures) {
               log.encoded_ms.push_back(to_seconds(MonotonicClock::now() - packet.capture) * 1e3);
             }));
   stream->on_keyframe_wanted([&encoder] { encoder->request_keyframe(); });
-  std::vector<std::shared_ptr<Picture>> ring;
-  for (unsigned i = 0; i < 8; ++i) ring.push_back(textured_picture(i));
+  std::vector<std::shared_ptr<Image>> ring;
+  for (unsigned i = 0; i < 8; ++i) ring.push_back(textured_image(i));
 
   std::jthread serving = start_thread("rtsp", [&](std::stop_token stop) { server->run(stop); });
   GstElement* client = start_client(stream->url(), transport, log);
   const auto period = std::chrono::nanoseconds(static_cast<int64_t>(1e9 / kRate));
   auto next = std::chrono::steady_clock::now();
   // A client that never comes ends the measurement after as long again.
-  for (uint32_t counter = 1; counter < log.pushed_ns.size() && log.seen < pictures; ++counter) {
+  for (uint32_t counter = 1; counter < log.pushed_ns.size() && log.seen < images; ++counter) {
     std::this_thread::sleep_until(next += period);
     if (!stream->wanted()) continue;
-    const auto& picture = ring[counter % ring.size()];
-    paint_counter(picture->mutable_view().y, counter);
-    AnnotatedPicture annotated;
+    const auto& image = ring[counter % ring.size()];
+    paint_counter(image->mutable_view().y, counter);
+    AnnotatedImage annotated;
     annotated.frame.sequence = counter;
     annotated.frame.capture = MonotonicClock::now();
-    annotated.picture = picture;
+    annotated.image = image;
     log.pushed_ns[counter] = to_ns(annotated.frame.capture);
     encoder->push(annotated, {});
   }
@@ -174,11 +174,11 @@ Result<std::string> measure(const std::string& transport, size_t pictures) {
 }  // namespace sightline
 
 int main(int argc, char** argv) {
-  const size_t pictures = argc > 1 ? static_cast<size_t>(std::max(1, std::atoi(argv[1]))) : 600;
+  const size_t images = argc > 1 ? static_cast<size_t>(std::max(1, std::atoi(argv[1]))) : 600;
   gst_init(nullptr, nullptr);
   std::string result;
   for (const std::string transport : {"tcp", "udp"}) {
-    const auto measured = sightline::measure(transport, pictures);
+    const auto measured = sightline::measure(transport, images);
     if (!measured) {
       fmt::print(stderr, "{}\n", measured.error().message());
       return sightline::exit_code(measured.error());

@@ -10,7 +10,7 @@
 #include "sightline/geometry/camera_model.hpp"
 #include "sightline/geometry/mesh.hpp"
 #include "sightline/geometry/rigid3.hpp"
-#include "sightline/image/picture.hpp"
+#include "sightline/image/image.hpp"
 
 namespace sightline::compare {
 
@@ -19,7 +19,7 @@ struct Scene {
   CameraModel camera;
   TriangleMesh mesh;
   std::vector<Rigid3> poses;
-  std::shared_ptr<Picture> frame;
+  std::shared_ptr<Image> frame;
 };
 
 /// One way to draw it. `frame(k)` draws pose k; empty: cannot be had here, `note` says why.

@@ -3,8 +3,8 @@
 // background, the mesh over it with depth test and light per vertex, and everything comes back.
 // The frame is RGBA already: conversion would come on top.
 #include "compare.hpp"
-#include "egl_context.hpp"
-#include "gl_objects.hpp"
+#include "render/gpu/egl_context.hpp"
+#include "render/gpu/gl_objects.hpp"
 
 namespace sightline::compare {
 namespace {
@@ -97,7 +97,7 @@ class Composer {
     glReadPixels(0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE, back_.data());
   }
 
-  /// Pixels of the last picture that are not the background's.
+  /// Pixels of the last image that are not the background's.
   size_t drawn_pixels() const {
     size_t count = 0;
     for (size_t i = 0; i < back_.size(); i += 4) count += back_[i + 1] != pixels_[i + 1] ? 1u : 0u;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The usual way: convert the frame to BGR, project every vertex, draw every edge or face, convert
-// back. No hidden surfaces; the painter's order is by face centre.
+// back. No hidden surfaces; the painter's order is by face center.
 #include <algorithm>
 #include <array>
 #include <numeric>

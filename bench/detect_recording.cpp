@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How well one look at the pictures finds an object by what it was taught (sightline teach): every
-// set of frames of a recording with truth is searched by itself, as if nothing were known.
+// How well one search of the images finds an object by its trained features (sightline train):
+// every set of frames of a recording with truth is searched by itself, as if nothing were known.
 //   detect_recording RECORDING FEATURES [--from S] [--to S] [--cameras A,B] [--every N] [-v]
 #include <fmt/format.h>
 
@@ -11,10 +11,9 @@
 #include <vector>
 
 #include "figures.hpp"
-#include "object_views.hpp"
-#include "rig.hpp"
-#include "sightline/observe/feature_detector.hpp"
-#include "sightline/observe/object_detector.hpp"
+#include "sightline/observe/detect/object_detector.hpp"
+#include "sightline/observe/features/feature_detector.hpp"
+#include "sightline/pipeline/rig.hpp"
 #include "sightline/record/evaluate.hpp"
 #include "sightline/record/replay.hpp"
 
@@ -51,34 +50,70 @@ double error_over_covariance(const Detection& detection, const Rigid3& truth) {
   return gradient.dot(information.ldlt().solve(gradient));
 }
 
+std::vector<DetectorCamera> chosen_cameras(const Installation& installation,
+                                           const std::string& names) {
+  std::vector<DetectorCamera> cameras;
+  for (size_t i = 0; i < installation.cameras.size(); ++i) {
+    const std::string& name = installation.cameras[i].name;
+    const bool chosen =
+        names.empty() || ("," + names + ",").find("," + name + ",") != std::string::npos;
+    if (!chosen) continue;
+    cameras.push_back({CameraId(static_cast<uint32_t>(i)), installation.cameras[i].calibration});
+  }
+  return cameras;
+}
+
+Result<std::map<Time, Rigid3>> truth_of(const Recording& recording, const std::string& object) {
+  if (!recording.truth) {
+    return make_error(ErrorCode::kInvalidInput, recording.path.string(), "has no truth.csv");
+  }
+  SL_ASSIGN(const auto rows, read_truth(*recording.truth));
+  std::map<Time, Rigid3> truth;
+  for (const TruthRow& row : rows) {
+    if (row.object == object) truth[row.time] = row.world_from_object;
+  }
+  return truth;
+}
+
+// Counts what was found, and says it in words.
+std::string judge(const Detection& found, const Rigid3& truth, Score& score) {
+  const PoseError error = pose_error(truth, found.poses.front().world_from_object);
+  const double squared = error_over_covariance(found, truth);
+  if (found.poses.size() == 1) {
+    ++score.found;
+    score.mm.push_back(error.mm);
+    score.deg.push_back(error.deg);
+    score.squared.push_back(squared);
+    score.wrong += error.mm > 20 || error.deg > 6;
+  } else {
+    ++score.several;
+    const bool there =
+        std::any_of(found.poses.begin(), found.poses.end(), [&](const DetectedPose& pose) {
+          const PoseError e = pose_error(truth, pose.world_from_object);
+          return e.mm < 20 && e.deg < 6;
+        });
+    score.without_truth_pose += !there;
+  }
+  return fmt::format(
+      "{} pose(s), {} camera(s), evidence {:.2f} (runner-up {:.2f}), {:.2f} mm {:.2f} deg, "
+      "chi-square {:.1f}",
+      found.poses.size(), found.observations.size(), found.poses[0].evidence, found.runner_up,
+      error.mm, error.deg, squared);
+}
+
 Result<Score> play(const Arguments& arguments) {
   SL_ASSIGN(Recording opened, open_recording(arguments.recording));
   const auto recording = std::make_shared<const Recording>(std::move(opened));
-  if (!recording->truth) {
-    return make_error(ErrorCode::kInvalidInput, arguments.recording.string(), "has no truth.csv");
-  }
-  SL_ASSIGN(const auto rows, read_truth(*recording->truth));
   SL_ASSIGN(Installation installation, recording_installation(arguments.recording));
   ObjectDescription& description = installation.objects.front().description;
-  description.cues = {false, true, true, true};
+  description.modalities = {false, true, true, true};
   description.features = arguments.features;
+  SL_ASSIGN(const auto truth, truth_of(*recording, description.name));
   SL_ASSIGN(const Rig rig, load_rig(installation));
-  std::map<Time, Rigid3> truth;
-  for (const TruthRow& row : rows) {
-    if (row.object == description.name) truth[row.time] = row.world_from_object;
-  }
-  std::vector<DetectorCamera> cameras;
-  for (size_t i = 0; i < installation.cameras.size(); ++i) {
-    const bool wanted =
-        arguments.cameras.empty() ||
-        ("," + arguments.cameras + ",").find("," + installation.cameras[i].name + ",") !=
-            std::string::npos;
-    if (!wanted) continue;
-    cameras.push_back({CameraId(static_cast<uint32_t>(i)), installation.cameras[i].calibration});
-  }
-  SL_ASSIGN(auto views, load_views(rig.objects.front(), cache_folder()));
-  SL_ASSIGN(auto finder, FeatureDetector::create(rig.objects.front().features, cameras));
-  SL_ASSIGN(auto judge, ObjectDetector::create(ObjectId(0), views, cameras));
+  const RigObject& object = rig.objects.front();
+  const auto cameras = chosen_cameras(installation, arguments.cameras);
+  SL_ASSIGN(auto finder, FeatureDetector::create(object.features, cameras));
+  SL_ASSIGN(auto detector, ObjectDetector::create(ObjectId(0), object.views, cameras));
   SL_ASSIGN(auto replay, VirtualReplay::open(recording));
   Score score;
   std::optional<Time> start;
@@ -90,12 +125,12 @@ Result<Score> play(const Arguments& arguments) {
     const double seconds = to_seconds(time - *start);
     for (const FramePtr& frame : *frames) {
       finder->add_frame(frame->info().camera, *frame);
-      judge->add_frame(frame->info().camera, *frame);
+      detector->add_frame(frame->info().camera, *frame);
     }
     if (seconds < arguments.from || seconds > arguments.to || set % arguments.every != 0) continue;
     const double before = cpu_ms();
-    const Proposals proposals = finder->propose();
-    const Detection found = judge->judge(proposals);
+    const PoseProposals proposals = finder->propose();
+    const Detection found = detector->judge(proposals);
     score.cpu.push_back(cpu_ms() - before);
     ++score.sets;
     std::string line = fmt::format("{:6.3f} s: ", seconds);
@@ -103,28 +138,7 @@ Result<Score> play(const Arguments& arguments) {
       line += fmt::format("not found ({} proposals, best {:.2f})", proposals.poses.size(),
                           proposals.poses.empty() ? 0 : proposals.poses[0].evidence);
     } else if (const auto at = truth.find(found.time); at != truth.end()) {
-      const PoseError error = pose_error(at->second, found.poses.front().world_from_object);
-      const double squared = error_over_covariance(found, at->second);
-      const bool single = found.poses.size() == 1;
-      (single ? score.found : score.several)++;
-      if (single) {
-        score.mm.push_back(error.mm);
-        score.deg.push_back(error.deg);
-        score.squared.push_back(squared);
-        score.wrong += error.mm > 20 || error.deg > 6;
-      } else {
-        const bool there =
-            std::any_of(found.poses.begin(), found.poses.end(), [&](const DetectedPose& pose) {
-              const PoseError e = pose_error(at->second, pose.world_from_object);
-              return e.mm < 20 && e.deg < 6;
-            });
-        score.without_truth_pose += !there;
-      }
-      line += fmt::format(
-          "{} pose(s), {} camera(s), evidence {:.2f} (runner-up {:.2f}), {:.2f} mm {:.2f} deg, "
-          "chi-square {:.1f}",
-          found.poses.size(), found.observations.size(), found.poses[0].evidence, found.runner_up,
-          error.mm, error.deg, squared);
+      line += judge(found, at->second, score);
     }
     for (const ProposedPose& pose : proposals.poses) line += fmt::format(" p{:.2f}", pose.evidence);
     for (const DetectedPose& pose : found.poses) line += fmt::format(" d{:.2f}", pose.evidence);
@@ -167,10 +181,10 @@ int run(int argc, char** argv) {
     return exit_code(score.error());
   }
   fmt::print(
-      "found in {} of {} looks, wrong (20 mm, 6 deg) {}; several poses in {}, without the right "
+      "found in {} of {} searches, wrong (20 mm, 6 deg) {}; several poses in {}, without the right "
       "one "
       "{}\n{:.2f} mm {:.2f} deg (median), {:.2f} mm {:.2f} deg (95 %); chi-square median {:.1f} "
-      "(5.3 expected), 90 % {:.1f} (10.6)\nCPU of a look: median {:.0f} ms\n",
+      "(5.3 expected), 90 % {:.1f} (10.6)\nCPU of a search: median {:.0f} ms\n",
       score->found, score->sets, score->wrong, score->several, score->without_truth_pose,
       quantile(score->mm, 0.5), quantile(score->deg, 0.5), quantile(score->mm, 0.95),
       quantile(score->deg, 0.95), quantile(score->squared, 0.5), quantile(score->squared, 0.9),

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the cameras learn to hide an object, against a recording with known visibility
 // (visibility.csv): the recording is replayed without its scene mesh, and the share of the object's
-// pixels that count as hidden is compared picture by picture.
-//   learned_occlusion RECORDING [--camera NAME] [--cues LIST] [--frames]
+// pixels that count as hidden is compared image by image.
+//   learned_occlusion RECORDING [--camera NAME] [--modalities LIST] [--frames]
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -12,9 +12,9 @@
 #include <sstream>
 
 #include "figures.hpp"
-#include "mesh_depth_renderer.hpp"
-#include "replay_pipeline.hpp"
 #include "sightline/config/object_file.hpp"
+#include "sightline/pipeline/mesh_depth_renderer.hpp"
+#include "sightline/pipeline/replay_pipeline.hpp"
 
 namespace sightline {
 namespace {
@@ -24,7 +24,7 @@ using bench::quantile;
 struct Arguments {
   std::filesystem::path recording;
   std::string camera;  // empty: all
-  std::vector<std::string> cues;
+  std::vector<std::string> modalities;
   bool frames = false;
 };
 
@@ -63,8 +63,8 @@ class Judge {
 
   // Share of the object's pixels that are drawn as hidden, by the renderer's own rule; and how many
   // pixels there are.
-  std::pair<double, double> hidden_share(size_t camera, const PoseEstimate& estimate,
-                                         const HiddenDepth* hidden) {
+  std::pair<double, double> occluded_share(size_t camera, const PoseEstimate& estimate,
+                                           const OcclusionDepth* hidden) {
     const Rigid3 camera_from_object =
         installation_.cameras[camera].calibration.world_from_camera.inverse() *
         estimate.world_from_object;
@@ -112,14 +112,13 @@ void print(const std::string& camera, const Figures& f) {
            std::max<double>(1, static_cast<double>(size.size()));
   };
   fmt::print(
-      "{}: {} pictures; hidden share off by {:.1f} points (median), {:.1f} (90 %), {:.1f} (most); "
+      "{}: {} images; hidden share off by {:.1f} points (median), {:.1f} (90 %), {:.1f} (max); "
       "within 5 points {:.0f} %, within 10 {:.0f} %; {} not tracked\n",
       camera, size.size(), quantile(size, 0.5), quantile(size, 0.9), quantile(size, 1.0), within(5),
       within(10), f.not_tracked);
   if (f.clear_frames == 0) return;
-  fmt::print(
-      "  nothing hides in {} pictures: {} with a pixel drawn as hidden, {:.3f} % of pixels\n",
-      f.clear_frames, f.false_frames, 100 * f.false_pixels / std::max(1.0, f.clear_pixels));
+  fmt::print("  nothing hides in {} images: {} with a pixel drawn as hidden, {:.3f} % of pixels\n",
+             f.clear_frames, f.false_frames, 100 * f.false_pixels / std::max(1.0, f.clear_pixels));
 }
 
 Status run(const Arguments& arguments) {
@@ -128,16 +127,17 @@ Status run(const Arguments& arguments) {
   SL_ASSIGN(Installation installation, recording_installation(arguments.recording));
   installation.scene = {};
   installation.scene.learn = true;
-  if (!arguments.cues.empty()) {
-    SL_ASSIGN(const Cues cues, parse_cues(arguments.cues, "--cues"));
-    for (ObjectConfig& object : installation.objects) object.description.cues = cues;
+  if (!arguments.modalities.empty()) {
+    SL_ASSIGN(const Modalities modalities, parse_modalities(arguments.modalities, "--modalities"));
+    for (ObjectConfig& object : installation.objects) object.description.modalities = modalities;
   }
   const Visibility known = read_visibility(arguments.recording / "visibility.csv");
   if (known.empty()) {
     return make_error(ErrorCode::kInvalidInput, arguments.recording.string(),
                       "has no visibility.csv");
   }
-  SL_ASSIGN(auto pipeline, cli::ReplayPipeline::create(installation, recording, nullptr, {}));
+  SL_ASSIGN(auto pipeline, ReplayPipeline::create(installation, recording, nullptr, {},
+                                                  SearchTiming{.instant = true}));
   Judge judge(installation, pipeline->rig());
   SL_ASSIGN(auto replay, VirtualReplay::open(recording));
   std::map<std::string, Figures> figures;
@@ -156,8 +156,8 @@ Status run(const Arguments& arguments) {
         ++figures[name].not_tracked;
         continue;
       }
-      const HiddenDepthPtr hidden = pipeline->hidden(camera);
-      const auto [share, pixels] = judge.hidden_share(camera, at.estimate, hidden.get());
+      const OcclusionDepthPtr hidden = pipeline->hidden(camera);
+      const auto [share, pixels] = judge.occluded_share(camera, at.estimate, hidden.get());
       note(figures[name], truth->second, share, pixels);
       if (arguments.frames) {
         fmt::print("{} {:3} {:<9} hidden {:5.1f} % truth {:5.1f} % off {:+5.1f}\n", name,
@@ -167,8 +167,8 @@ Status run(const Arguments& arguments) {
     }
   }
   for (const auto& [camera, f] : figures) print(camera, f);
-  const cli::ReplaySummary& summary = pipeline->summary();
-  fmt::print("learning: {:.2f} ms CPU per picture\n",
+  const ReplaySummary& summary = pipeline->summary();
+  fmt::print("learning: {:.2f} ms CPU per image\n",
              summary.learn_cpu_ms / std::max<double>(1, static_cast<double>(summary.frames)));
   return {};
 }
@@ -183,15 +183,17 @@ int main(int argc, char** argv) {
     const bool more = i + 1 < argc;
     if (word == "--camera" && more) {
       arguments.camera = argv[++i];
-    } else if (word == "--cues" && more) {
+    } else if (word == "--modalities" && more) {
       std::istringstream list(argv[++i]);
-      for (std::string cue; std::getline(list, cue, ',');) arguments.cues.push_back(cue);
+      for (std::string modality; std::getline(list, modality, ',');)
+        arguments.modalities.push_back(modality);
     } else if (word == "--frames") {
       arguments.frames = true;
     } else if (arguments.recording.empty() && !word.starts_with("-")) {
       arguments.recording = word;
     } else {
-      fmt::print(stderr, "learned_occlusion RECORDING [--camera NAME] [--cues LIST] [--frames]\n");
+      fmt::print(stderr,
+                 "learned_occlusion RECORDING [--camera NAME] [--modalities LIST] [--frames]\n");
       return 2;
     }
   }

@@ -9,9 +9,9 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
-#include "rig.hpp"
-#include "sightline/fuse/estimator.hpp"
-#include "sightline/observe/corner_term.hpp"
+#include "sightline/observe/terms/reprojection_term.hpp"
+#include "sightline/pipeline/object_fusion.hpp"
+#include "sightline/pipeline/rig_parts.hpp"
 #include "sightline/record/replay.hpp"
 
 namespace sightline {
@@ -21,7 +21,7 @@ constexpr size_t kEnoughCorners = 6;  // a frame counts as seeing the board from
 
 struct Sight {
   Observation observation;
-  std::shared_ptr<const CornerTerm> corners;  // null: not seen
+  std::shared_ptr<const ReprojectionTerm> corners;  // null: not seen
 };
 
 // Everything every camera measured, in the order of capture: detection does not depend on who is
@@ -43,9 +43,10 @@ Result<std::vector<Sight>> observe_all(const Installation& installation, const R
       made.clear();
       observers[frame->info().camera.index()]->step(*frame, {}, made);
       for (Observation& observation : made) {
-        std::shared_ptr<const CornerTerm> corners;
+        if (observation.object != ObjectId(0)) continue;
+        std::shared_ptr<const ReprojectionTerm> corners;
         if (!observation.terms.empty()) {
-          corners = std::dynamic_pointer_cast<const CornerTerm>(observation.terms.front());
+          corners = std::dynamic_pointer_cast<const ReprojectionTerm>(observation.terms.front());
         }
         sights.push_back({std::move(observation), std::move(corners)});
       }
@@ -65,7 +66,7 @@ struct Errors {
 
 // Root mean square distance between measured corners and those of the pose [px]; negative if a
 // corner does not project.
-double corner_error(const CornerTerm& term, const Rigid3& world_from_object) {
+double corner_error(const ReprojectionTerm& term, const Rigid3& world_from_object) {
   const CalibratedCamera& camera = term.camera();
   const Rigid3 camera_from_object = camera.world_from_camera.inverse() * world_from_object;
   double sum = 0;
@@ -83,12 +84,18 @@ struct CameraResult {
   Errors interpolated, predicted;
 };
 
+// The board alone, by its corners: its shape plays no part.
+Result<std::unique_ptr<ObjectFusion>> make_fusion(const Installation& installation) {
+  const NamedObject object{ObjectId(0), installation.objects.front().description.name};
+  return ObjectFusion::create(installation.estimator, {&object, 1}, {});
+}
+
 // The states of the complete rig at the frames in which each camera itself sees the board.
 Status count_states(const Installation& installation, const std::vector<Sight>& sights,
                     std::vector<CameraResult>& results) {
-  SL_ASSIGN(auto estimator, ObjectEstimator::create(installation.estimator, ObjectId(0)));
+  SL_ASSIGN(const auto fusion, make_fusion(installation));
   for (const Sight& sight : sights) {
-    const UpdateReport report = estimator.process({&sight.observation, 1});
+    const UpdateReport& report = fusion->process({&sight.observation, 1}).front();
     CameraResult& result = results[sight.observation.camera.index()];
     ++result.frames;
     if (!sight.corners || sight.corners->matches().size() < kEnoughCorners) continue;
@@ -100,7 +107,7 @@ Status count_states(const Installation& installation, const std::vector<Sight>& 
 
 // The pose at `time` by all that the others measured around it: of the estimates up to a round of
 // free-running cameras away, moved to `time`, the one that is known best there. A track holds what
-// was known at each time, so a neighbour that heard one camera more may know better.
+// was known at each time, so a neighbor that heard one camera more may know better.
 std::optional<PoseEstimate> best_known(const PoseTrack& track, Time time,
                                        const MotionNoise& noise) {
   constexpr Duration kRound = std::chrono::milliseconds(40);
@@ -120,14 +127,14 @@ std::optional<PoseEstimate> best_known(const PoseTrack& track, Time time,
 
 Status leave_out(const Installation& installation, const std::vector<Sight>& sights,
                  CameraId left_out, CameraResult& result) {
-  SL_ASSIGN(auto estimator, ObjectEstimator::create(installation.estimator, ObjectId(0)));
+  SL_ASSIGN(const auto fusion, make_fusion(installation));
   std::vector<const Sight*> waiting;  // until the others have been past their time
   const auto settle = [&](Time now) {
     while (!waiting.empty() &&
            waiting.front()->observation.capture + std::chrono::milliseconds(60) < now) {
       const Sight& sight = *waiting.front();
       const auto pose =
-          best_known(*estimator.track(), sight.observation.capture, installation.estimator.noise);
+          best_known(*fusion->tracks()[0], sight.observation.capture, installation.estimator.noise);
       const double error = pose ? corner_error(*sight.corners, pose->world_from_object) : -1;
       if (error >= 0) {
         result.interpolated.px.push_back(error);
@@ -139,13 +146,13 @@ Status leave_out(const Installation& installation, const std::vector<Sight>& sig
   };
   for (const Sight& sight : sights) {
     if (sight.observation.camera != left_out) {
-      estimator.process({&sight.observation, 1});
+      fusion->process({&sight.observation, 1});
       settle(sight.observation.capture);
       continue;
     }
     if (!sight.corners || sight.corners->matches().size() < kEnoughCorners) continue;
     waiting.push_back(&sight);
-    const PoseAt live = estimator.track()->at(sight.observation.capture);
+    const PoseAt live = fusion->tracks()[0]->at(sight.observation.capture);
     if (live.source == PoseSource::kNone) continue;
     const double error = corner_error(*sight.corners, live.estimate.world_from_object);
     if (error >= 0) result.predicted.px.push_back(error);

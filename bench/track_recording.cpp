@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// How well the tracker of the object's own look holds on to it and whether it knows: a recording
+// How well an object is tracked by its appearance, and whether the estimate knows: a recording
 // with truth is replayed with fiducials off; while the object is lost it is started again next to
 // the truth, which no program does.
-//   track_recording RECORDING [--cues region,edge,texture] [--off CAMERA,...] [--poses OUT.csv]
+//   track_recording RECORDING [--modalities region,edge,texture] [--off CAMERA,...] [--poses
+//   OUT.csv]
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
@@ -11,9 +12,8 @@
 #include <cstring>
 #include <map>
 
-#include "camera_observer.hpp"
 #include "figures.hpp"
-#include "sightline/fuse/estimator.hpp"
+#include "sightline/pipeline/tracking_chain.hpp"
 #include "sightline/record/evaluate.hpp"
 #include "sightline/record/replay.hpp"
 
@@ -25,7 +25,7 @@ using bench::quantile;
 
 struct Arguments {
   std::filesystem::path recording;
-  std::string cues = "region,edge,texture";
+  std::string modalities = "region,edge,texture";
   std::string off;
   std::filesystem::path poses;
   bool verbose = false;
@@ -53,47 +53,42 @@ class Run {
     SL_ASSIGN(run->truth_, read_truth(*run->recording_->truth));
     SL_ASSIGN(run->installation_, recording_installation(arguments.recording));
     for (ObjectConfig& object : run->installation_.objects) {
-      const auto has = [&](const char* cue) {
-        return arguments.cues.find(cue) != std::string::npos;
+      const auto has = [&](const char* modality) {
+        return arguments.modalities.find(modality) != std::string::npos;
       };
-      object.description.cues = {has("fiducial"), has("region"), has("edge"), has("texture")};
+      object.description.modalities = {has("fiducial"), has("region"), has("edge"), has("texture")};
     }
     SL_ASSIGN(run->rig_, load_rig(run->installation_));
-    for (size_t i = 0; i < run->installation_.cameras.size(); ++i) {
-      SL_ASSIGN(auto observer, CameraObserver::create(run->installation_, run->rig_,
-                                                      CameraId(static_cast<uint32_t>(i))));
-      run->observers_.push_back(std::move(observer));
-      run->names_.push_back(run->installation_.cameras[i].name);
+    std::vector<CameraId> cameras;
+    for (const CameraConfig& camera : run->installation_.cameras) {
+      cameras.emplace_back(static_cast<uint32_t>(cameras.size()));
+      run->names_.push_back(camera.name);
     }
-    SL_ASSIGN(auto estimator, ObjectEstimator::create(run->installation_.estimator, ObjectId(0),
-                                                      run->rig_.objects[0].lookalikes));
-    run->estimator_ = std::make_unique<ObjectEstimator>(std::move(estimator));
-    run->honesty_.resize(run->observers_.size());
+    SL_ASSIGN(run->chain_, TrackingChain::create(run->installation_, run->rig_, cameras, nullptr));
+    run->honesty_.resize(cameras.size());
     return run;
   }
 
   Status play() {
     SL_ASSIGN(auto replay, VirtualReplay::open(recording_));
-    std::vector<PoseTrackPtr> tracks{estimator_->track()};
-    std::vector<Observation> set;
     for (;;) {
       SL_ASSIGN(const auto frames, replay->next());
       if (!frames) break;
-      set.clear();
-      const bool lost = !has_pose(estimator_->state());
+      chain_->begin(frames->front()->info().capture);
+      std::vector<Observation>& set = chain_->set();
+      const bool lost = !has_pose(estimator().state());
       for (const FramePtr& frame : *frames) {
         const size_t camera = frame->info().camera.index();
         if (arguments_.off.find(names_[camera]) != std::string::npos) continue;
         frame->i420();
         const double start = cpu_ms();
-        observers_[camera]->step(*frame, tracks, set);
+        chain_->observe({frame->info().camera, frame});
         cpu_.push_back(cpu_ms() - start);
         if (lost && set.back().terms.empty()) propose(*frame, set.back());
         note(*frame, set.back());
       }
       if (set.empty()) continue;
-      const UpdateReport report = estimator_->process(set);
-      tracks[0] = estimator_->track();
+      const UpdateReport report = chain_->fuse().front();
       log_.push_back(make_pose_log_row(report.estimate, rig_.objects[0].named.name, names_));
       if (const auto truth = truth_at(report.estimate.time)) {
         note_estimate(*truth, report);
@@ -106,8 +101,9 @@ class Run {
     SL_ASSIGN(const Status written, write_log());
     (void)written;
     fmt::print("{}", to_text(evaluate(truth_, log_)));
-    fmt::print("starts {}, resets {}, gated {}\n", estimator_->counters().starts,
-               estimator_->counters().resets, estimator_->counters().gated);
+    const EstimatorCounters& counters = estimator().counters();
+    fmt::print("starts {}, resets {}, gated {}\n", counters.starts, counters.resets,
+               counters.gated);
     fmt::print("tracking cpu ms per camera frame: median {:.2f}, 95 % {:.2f}\n",
                quantile(cpu_, 0.5), quantile(cpu_, 0.95));
     for (const auto& [state, nees] : nees_) {
@@ -119,7 +115,8 @@ class Run {
     for (size_t i = 0; i < honesty_.size(); ++i) {
       for (auto& [kind, h] : honesty_[i]) {
         fmt::print(
-            "{:<8} {:<8} {:4} looks: own error {:6.2f} mm {:5.2f} deg (median); chi-square median "
+            "{:<8} {:<8} {:4} frames: own error {:6.2f} mm {:5.2f} deg (median); chi-square "
+            "median "
             "{:6.1f} (5.3 expected) 90 % {:6.1f} (10.6)\n",
             names_[i], kind, h.squared.size(), quantile(h.mm, 0.5), quantile(h.deg, 0.5),
             quantile(h.squared, 0.5), quantile(h.squared, 0.9));
@@ -140,6 +137,7 @@ class Run {
 
  private:
   Run() = default;
+  const ObjectEstimator& estimator() const { return chain_->fusion().estimator(ObjectId(0)); }
 
   std::optional<Rigid3> truth_at(Time time) const {
     const auto next = std::lower_bound(truth_.begin(), truth_.end(), time,
@@ -161,7 +159,7 @@ class Run {
     Matrix6 covariance = Matrix6::Identity() * 0.02 * 0.02;
     covariance.diagonal().tail<3>().setConstant(0.004 * 0.004);
     const CameraId camera = observation.camera;
-    observation = observers_[camera.index()]->tracker().propose(
+    observation = chain_->observer(camera)->tracker().propose(
         frame, ObjectId(0), *truth * Rigid3::exp(off), covariance);
   }
 
@@ -190,9 +188,9 @@ class Run {
       slope += at.gradient;
     }
     if (observation.terms.size() > 1) add("sum", sum, slope);
-    const auto& look = observers_[camera]->tracker().last_look(0);
+    const auto& result = chain_->observer(observation.camera)->tracker().last_result(0);
     if (!arguments_.verbose) return;
-    const PoseAt before = estimator_->track()->at(frame.info().capture);
+    const PoseAt before = estimator().track()->at(frame.info().capture);
     const double mm = before.source == PoseSource::kNone
                           ? -1
                           : 1e3 * translation_distance(before.estimate.world_from_object, *truth);
@@ -202,10 +200,10 @@ class Run {
     fmt::print(
         "{} {:<6} {:<9} pred off {:6.1f} mm {:5.1f} deg lines {}/{} ev {:.2f} noise {:.2f} "
         "edges {} {:.2f} points {} {}{} chi {:.1f}\n",
-        frame.info().sequence, names_[camera], to_string(estimator_->state()), mm, deg,
-        look.lines_used, look.lines_total, look.evidence, look.noise_px, look.edges_used,
-        look.edge_noise_px, look.points_used, look.seen ? "seen" : "not seen",
-        look.learned ? " learned" : "",
+        frame.info().sequence, names_[camera], to_string(estimator().state()), mm, deg,
+        result.lines_used, result.lines_total, result.evidence, result.noise_px, result.edges_used,
+        result.edge_noise_px, result.points_used, result.seen ? "seen" : "not seen",
+        result.learned ? " learned" : "",
         observation.terms.empty() ? 0.0 : slope.dot(sum.ldlt().solve(slope)));
   }
 
@@ -267,9 +265,8 @@ class Run {
   std::vector<TruthRow> truth_;
   Installation installation_;
   Rig rig_;
-  std::vector<std::unique_ptr<CameraObserver>> observers_;
+  std::unique_ptr<TrackingChain> chain_;
   std::vector<std::string> names_;
-  std::unique_ptr<ObjectEstimator> estimator_;
   std::vector<PoseLogRow> log_;
   std::vector<double> cpu_;
   std::map<TrackState, std::vector<double>> nees_;
@@ -284,8 +281,8 @@ int main(int argc, char** argv) {
   for (int i = 1; i < argc; ++i) {
     const std::string_view word = argv[i];
     const bool more = i + 1 < argc;
-    if (word == "--cues" && more) {
-      arguments.cues = argv[++i];
+    if (word == "--modalities" && more) {
+      arguments.modalities = argv[++i];
     } else if (word == "--off" && more) {
       arguments.off = argv[++i];
     } else if (word == "--poses" && more) {
@@ -298,7 +295,7 @@ int main(int argc, char** argv) {
   }
   if (arguments.recording.empty()) {
     fmt::print(stderr,
-               "usage: track_recording RECORDING [--cues LIST] [--off CAMERA] [--poses CSV] "
+               "usage: track_recording RECORDING [--modalities LIST] [--off CAMERA] [--poses CSV] "
                "[--verbose]\n");
     return 2;
   }

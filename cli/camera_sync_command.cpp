@@ -8,12 +8,12 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "action_unit.hpp"
-#include "camera_trial.hpp"
+#include "camera_probe.hpp"
 #include "report.hpp"
 #include "sightline/base/thread.hpp"
-#include "source_factory.hpp"
+#include "sightline/pipeline/source_factory.hpp"
 #include "sync_advice.hpp"
+#include "workers/action_worker.hpp"
 
 namespace sightline::cli {
 namespace {
@@ -28,7 +28,7 @@ constexpr Duration kTurn = 100ms;
 
 struct Watched {
   SyncCamera camera;
-  std::function<Result<std::unique_ptr<FrameSource>>()> open;
+  Opener open;
   std::vector<SyncStamp> stamps;  ///< on this host's clock
   std::vector<SyncStamp> device;  ///< on the camera's own
   std::optional<Error> error;     ///< it could not be opened
@@ -41,7 +41,7 @@ void note(const Frame& frame, Watched& watched) {
 }
 
 void watch(std::stop_token stop, Watched& watched, double seconds) {
-  auto source = watched.open();
+  auto source = watched.open(stop);
   if (!source) {
     watched.error = source.error();
     return;
@@ -89,7 +89,8 @@ Result<Watched> prepare(const std::string& name, const Installation* installatio
   if (found->source == SourceKind::kAravis) {
     watched.camera.aravis = true;
     watched.camera.settings = found->aravis;
-    watched.open = [options = found->aravis, name]() -> Result<std::unique_ptr<FrameSource>> {
+    watched.open = [options = found->aravis,
+                    name](const std::stop_token&) -> Result<std::unique_ptr<FrameSource>> {
       SL_ASSIGN(auto opened, open_aravis_source(options, CameraId(0), name));
       return std::unique_ptr<FrameSource>(std::move(opened));
     };
@@ -190,7 +191,7 @@ Status run(const CamerasOptions& options) {
   const Installation* const rig = installation ? &*installation : nullptr;
   SL_ASSIGN(Watched a, prepare(options.sync[0], rig, factory));
   SL_ASSIGN(Watched b, prepare(options.sync[1], rig, factory));
-  const auto actions = rig != nullptr ? ActionUnit::start(rig->action, registry, beats) : nullptr;
+  const auto actions = rig != nullptr ? ActionWorker::start(rig->action, registry, beats) : nullptr;
   {
     const auto start = [&](const char* name, Watched& watched) {
       return start_thread(name, [&watched, &options](std::stop_token stop) {

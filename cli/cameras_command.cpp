@@ -1,19 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
+#include <filesystem>
+#include <memory>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
 
+#include "camera_probe.hpp"
 #include "camera_sync_command.hpp"
-#include "camera_trial.hpp"
 #include "commands.hpp"
 #include "report.hpp"
-#include "sightline/capture/aravis_source.hpp"
-#include "sightline/capture/device_info.hpp"
-#include "sightline/capture/libcamera_source.hpp"
-#include "sightline/capture/v4l2_source.hpp"
+#include "sightline/capture/aravis/aravis_source.hpp"
+#include "sightline/capture/common/device_info.hpp"
+#include "sightline/capture/libcamera/libcamera_source.hpp"
+#include "sightline/capture/v4l2/v4l2_source.hpp"
+#include "sightline/pipeline/source_factory.hpp"
 #include "sightline/record/overlay_video.hpp"
-#include "source_factory.hpp"
 
 namespace sightline::cli {
 namespace {
@@ -103,7 +108,7 @@ Result<SourceFactory::Opener> opener_for(const CamerasOptions& options, SourceFa
   return bare_opener(options.source);
 }
 
-Json json_of(const TrialReport& report) {
+Json json_of(const ProbeReport& report) {
   return Json{{"source", report.source},
               {"width", report.width},
               {"height", report.height},
@@ -122,9 +127,9 @@ Json json_of(const TrialReport& report) {
               {"damaged", report.damaged}};
 }
 
-void print(const TrialReport& report) {
+void print(const ProbeReport& report) {
   fmt::print("source          {}\n", report.source);
-  fmt::print("pictures        {} x {}, {}\n", report.width, report.height, report.format);
+  fmt::print("images          {} x {}, {}\n", report.width, report.height, report.format);
   fmt::print("first frame     after {:.2f} s\n", report.first_frame_s);
   fmt::print("frames          {} in {:.1f} s: {:.2f} Hz\n", report.frames, report.seconds,
              report.rate_hz);
@@ -137,11 +142,11 @@ void print(const TrialReport& report) {
   fmt::print("lost            {} dropped, {} damaged\n", report.dropped, report.damaged);
 }
 
-Status try_camera(const CamerasOptions& options) {
+Status probe_camera_of(const CamerasOptions& options) {
   Registry registry;
   SourceFactory factory(registry);
   SL_ASSIGN(const auto opener, opener_for(options, factory));
-  SL_ASSIGN(TrialResult result, run_trial(opener, options.seconds));
+  SL_ASSIGN(ProbeResult result, run_probe(opener, options.seconds));
   result.report.source = options.config.empty() ? shown_source(options.source) : options.source;
   if (!options.save.empty()) {
     SL_RETURN_IF_ERROR(write_png(options.save, result.newest->i420()));
@@ -154,12 +159,10 @@ Status try_camera(const CamerasOptions& options) {
   return {};
 }
 
-}  // namespace
-
 int cameras(const CamerasOptions& options) {
   if (!options.sync.empty()) return sync_cameras(options);
   if (!options.source.empty()) {
-    const Status done = try_camera(options);
+    const Status done = probe_camera_of(options);
     return done ? 0 : report(done.error());
   }
   const Listing listing = list_all();
@@ -170,6 +173,30 @@ int cameras(const CamerasOptions& options) {
     print_table(listing);
   }
   return 0;
+}
+
+}  // namespace
+
+void add_cameras(CLI::App& app, Command& chosen) {
+  auto options = std::make_shared<CamerasOptions>();
+  auto* command = app.add_subcommand("cameras", "list what is plugged in, or probe a camera");
+  auto* probe = command->add_option("--probe", options->source,
+                                    "grab from this source (or camera of --config) and measure");
+  command->add_option("--sync", options->sync, "phase and drift between two of these (A B)")
+      ->expected(2)
+      ->excludes(probe);
+  command->add_option("--config", options->config, "installation file that has the cameras");
+  command->add_option("--seconds", options->seconds, "how long (default 5)")
+      ->check(CLI::Range(0.1, 86400.0));
+  command->add_option("--save", options->save, "write the last image as PNG")->needs(probe);
+  command->add_flag("--json", options->json, "as JSON");
+  command->callback([options, command, &chosen] {
+    const bool listing = options->source.empty() && options->sync.empty();
+    if (listing && command->count("--seconds") + command->count("--config") > 0) {
+      throw CLI::ValidationError("--seconds and --config go with --probe or --sync");
+    }
+    chosen = [options] { return cameras(*options); };
+  });
 }
 
 }  // namespace sightline::cli

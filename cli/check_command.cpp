@@ -1,16 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <memory>
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
 #include "report.hpp"
-#include "rig.hpp"
 #include "sightline/config/installation.hpp"
+#include "sightline/pipeline/file_check.hpp"
+#include "sightline/pipeline/rig.hpp"
 #include "sightline/record/recording.hpp"
 
 namespace sightline::cli {
 namespace {
+
+struct CheckOptions {
+  std::filesystem::path file;
+  bool json = false;
+};
 
 using Json = nlohmann::ordered_json;
 
@@ -32,11 +41,11 @@ Result<Json> check_recording(const std::filesystem::path& folder) {
 
 Result<Json> check_installation(const std::filesystem::path& file) {
   SL_ASSIGN(const Installation installation, read_installation(file));
-  SL_ASSIGN(const Rig rig, load_rig(installation));
+  SL_RETURN_IF_ERROR(check_files(installation));
   return Json{{"kind", "installation"},
               {"name", installation.name},
               {"cameras", installation.cameras.size()},
-              {"objects", rig.objects.size()}};
+              {"objects", installation.objects.size()}};
 }
 
 int print_failure(const Error& error, bool json) {
@@ -44,8 +53,6 @@ int print_failure(const Error& error, bool json) {
   fmt::print("{}\n", Json{{"ok", false}, {"where", error.where}, {"error", error.text}}.dump(2));
   return exit_code(error);
 }
-
-}  // namespace
 
 int check(const CheckOptions& options) {
   std::error_code ignored;
@@ -62,6 +69,16 @@ int check(const CheckOptions& options) {
              checked->at("kind").get<std::string>(), checked->at("name").get<std::string>(),
              checked->at("cameras").get<size_t>(), checked->at("objects").get<size_t>());
   return 0;
+}
+
+}  // namespace
+
+void add_check(CLI::App& app, Command& chosen) {
+  auto options = std::make_shared<CheckOptions>();
+  auto* command = app.add_subcommand("check", "validate an installation file");
+  command->add_option("FILE", options->file, "installation file, or a recording")->required();
+  command->add_flag("--json", options->json, "errors and summary as JSON");
+  command->callback([options, &chosen] { chosen = [options] { return check(*options); }; });
 }
 
 }  // namespace sightline::cli

@@ -9,33 +9,33 @@ namespace {
 
 constexpr int kColumns = 8, kRows = 5, kCell = 240;  // [px]
 
-struct Colour {
+struct Color {
   uint8_t y, u, v;
 };
-constexpr Colour kYellow{210, 16, 146}, kGreen{145, 54, 34}, kBlue{120, 200, 90};
+constexpr Color kYellow{210, 16, 146}, kGreen{145, 54, 34}, kBlue{120, 200, 90};
 
 class Sheet {
  public:
-  Sheet() : picture_(std::make_shared<Picture>(kColumns * kCell, kRows * kCell)) {
-    fill(picture_->mutable_view().y, 16);
-    fill(picture_->mutable_view().u, 128);
-    fill(picture_->mutable_view().v, 128);
+  Sheet() : image_(std::make_shared<Image>(kColumns * kCell, kRows * kCell)) {
+    fill(image_->mutable_view().y, 16);
+    fill(image_->mutable_view().u, 128);
+    fill(image_->mutable_view().v, 128);
   }
 
-  void dot(int x, int y, const Colour& colour) {
-    const MutableI420View view = picture_->mutable_view();
+  void dot(int x, int y, const Color& color) {
+    const MutableI420View view = image_->mutable_view();
     if (x < 0 || y < 0 || x >= view.width() || y >= view.height()) return;
-    view.y.row(y)[x] = colour.y;
-    view.u.row(y / 2)[x / 2] = colour.u;
-    view.v.row(y / 2)[x / 2] = colour.v;
+    view.y.row(y)[x] = color.y;
+    view.u.row(y / 2)[x / 2] = color.u;
+    view.v.row(y / 2)[x / 2] = color.v;
   }
-  const std::shared_ptr<Picture>& picture() const { return picture_; }
+  const std::shared_ptr<Image>& image() const { return image_; }
 
  private:
   static void fill(const MutablePlaneView& plane, uint8_t value) {
     for (int y = 0; y < plane.height; ++y) std::fill_n(plane.row(y), plane.width, value);
   }
-  std::shared_ptr<Picture> picture_;
+  std::shared_ptr<Image> image_;
 };
 
 Result<CameraModel> sheet_camera(const ViewpointModel& model) {
@@ -64,15 +64,15 @@ class CellPainter {
       }
     }
   }
-  void point(const Eigen::Vector3f& point_in_object, const Colour& colour) {
+  void point(const Eigen::Vector3f& point_in_object, const Color& color) {
     const auto pixel = camera_.project(view_.camera_from_object * point_in_object.cast<double>());
     if (!pixel) return;
     sheet_.dot(left_ + static_cast<int>(std::lround(pixel->x())),
-               top_ + static_cast<int>(std::lround(pixel->y())), colour);
+               top_ + static_cast<int>(std::lround(pixel->y())), color);
   }
   void stroke(const Eigen::Vector3f& start, const Eigen::Vector3f& along, float length,
-              const Colour& colour) {
-    for (int i = 0; i <= 6; ++i) point(start + static_cast<float>(i) / 6 * length * along, colour);
+              const Color& color) {
+    for (int i = 0; i <= 6; ++i) point(start + static_cast<float>(i) / 6 * length * along, color);
   }
 
  private:
@@ -84,8 +84,8 @@ class CellPainter {
 
 }  // namespace
 
-Result<std::shared_ptr<const Picture>> draw_contact_sheet(const ViewpointModel& model,
-                                                          const DepthRendererFactory& factory) {
+Result<std::shared_ptr<const Image>> draw_contact_sheet(const ViewpointModel& model,
+                                                        const DepthRendererFactory& factory) {
   SL_ASSIGN(const CameraModel camera, sheet_camera(model));
   const std::unique_ptr<DepthRenderer> renderer = factory(camera);
   const auto pixel = static_cast<float>(2 * model.radius() / (0.92 * kCell));
@@ -96,14 +96,14 @@ Result<std::shared_ptr<const Picture>> draw_contact_sheet(const ViewpointModel& 
     CellPainter painter(sheet, camera, view, i % kColumns * kCell, i / kColumns * kCell);
     painter.depth(renderer->render(view.camera_from_object), model);
     for (const InnerEdgeSample& edge : view.edges) {
-      const Colour& colour = edge.crease != 0 ? kGreen : kBlue;
-      painter.stroke(edge.point, edge.tangent, 2 * pixel, colour);
+      const Color& color = edge.crease != 0 ? kGreen : kBlue;
+      painter.stroke(edge.point, edge.tangent, 2 * pixel, color);
     }
     for (const ContourSample& sample : view.contour) {
       painter.stroke(sample.point, sample.normal, 4 * pixel, kYellow);
     }
   }
-  return std::shared_ptr<const Picture>(sheet.picture());
+  return std::shared_ptr<const Image>(sheet.image());
 }
 
 }  // namespace sightline::cli

@@ -3,14 +3,14 @@
 
 #include <memory>
 
-#include "sightline/image/picture.hpp"
-#include "sightline/observe/viewpoint_model.hpp"
+#include "sightline/image/image.hpp"
+#include "sightline/observe/shape/viewpoint_model.hpp"
 
 namespace sightline::cli {
 
-/// Forty views spread over the sphere, for a person's eye: depth in grey, outline samples yellow
+/// Forty views spread over the sphere, for a person's eye: depth in gray, outline samples yellow
 /// with a stroke along the normal, creases green, edges where the surface hides itself blue.
-Result<std::shared_ptr<const Picture>> draw_contact_sheet(const ViewpointModel& model,
-                                                          const DepthRendererFactory& factory);
+Result<std::shared_ptr<const Image>> draw_contact_sheet(const ViewpointModel& model,
+                                                        const DepthRendererFactory& factory);
 
 }  // namespace sightline::cli

@@ -1,20 +1,34 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <ctime>
+#include <filesystem>
+#include <memory>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
 
 #include "commands.hpp"
 #include "contact_sheet.hpp"
-#include "mesh_depth_renderer.hpp"
-#include "object_views.hpp"
 #include "report.hpp"
 #include "sightline/config/object_file.hpp"
+#include "sightline/pipeline/mesh_depth_renderer.hpp"
+#include "sightline/pipeline/object_views.hpp"
 #include "sightline/record/overlay_video.hpp"
 
 namespace sightline::cli {
 namespace {
+
+struct ModelOptions {
+  std::filesystem::path file;   ///< object file, or mesh
+  double meters_per_unit = 1;   ///< of a mesh
+  std::filesystem::path cache;  ///< folder; empty: the user's
+  bool no_cache = false;
+  std::filesystem::path contact_sheet;  ///< contact sheet (PNG); empty: none
+  bool json = false;
+};
 
 using Json = nlohmann::ordered_json;
 
@@ -35,14 +49,14 @@ Result<TriangleMesh> load(const ModelOptions& options) {
 
 Json statistics(const ViewpointModel& model) {
   size_t contour = 0, edges = 0, creases = 0, fewest = SIZE_MAX;
-  float least_area = INFINITY, largest_area = 0;
+  float min_area = INFINITY, largest_area = 0;
   for (size_t i = 0; i < model.size(); ++i) {
     const View view = model.view(i);
     contour += view.contour.size();
     fewest = std::min(fewest, view.contour.size());
     edges += view.edges.size();
     for (const InnerEdgeSample& edge : view.edges) creases += edge.crease;
-    least_area = std::min(least_area, view.area);
+    min_area = std::min(min_area, view.area);
     largest_area = std::max(largest_area, view.area);
   }
   const auto per_view = [&](size_t n) {
@@ -54,7 +68,7 @@ Json statistics(const ViewpointModel& model) {
               {"edge_samples_per_view", per_view(edges)},
               {"crease_samples_per_view", per_view(creases)},
               {"radius_mm", 1e3 * model.radius()},
-              {"silhouette_least_cm2", 1e4 * double{least_area}},
+              {"silhouette_least_cm2", 1e4 * double{min_area}},
               {"silhouette_largest_cm2", 1e4 * double{largest_area}}};
 }
 
@@ -74,15 +88,13 @@ Result<Json> run(const ModelOptions& options) {
     json["cache"] = (folder / ViewpointModel::cache_name(model->key())).string();
   }
   json.update(statistics(*model));
-  if (!options.sheet.empty()) {
+  if (!options.contact_sheet.empty()) {
     SL_ASSIGN(const auto sheet, draw_contact_sheet(*model, factory));
-    SL_RETURN_IF_ERROR(write_png(options.sheet, sheet->view()));
-    json["sheet"] = options.sheet.string();
+    SL_RETURN_IF_ERROR(write_png(options.contact_sheet, sheet->view()));
+    json["contact_sheet"] = options.contact_sheet.string();
   }
   return json;
 }
-
-}  // namespace
 
 int model(const ModelOptions& options) {
   const auto made = run(options);
@@ -95,6 +107,22 @@ int model(const ModelOptions& options) {
     fmt::print("{:<26} {}\n", key, value.is_string() ? value.get<std::string>() : value.dump());
   }
   return 0;
+}
+
+}  // namespace
+
+void add_model(CLI::App& app, Command& chosen) {
+  auto options = std::make_shared<ModelOptions>();
+  auto* command = app.add_subcommand("model", "make and inspect the viewpoint model of an object");
+  command->add_option("FILE", options->file, "object file, or mesh")->required();
+  command->add_option("--meters-per-unit", options->meters_per_unit, "of a mesh (default 1)")
+      ->check(CLI::PositiveNumber);
+  command->add_option("--contact-sheet", options->contact_sheet, "write a contact sheet (PNG)");
+  auto* cache_option = command->add_option("--cache", options->cache, "cache folder");
+  command->add_flag("--no-cache", options->no_cache, "make it anew, write nothing")
+      ->excludes(cache_option);
+  command->add_flag("--json", options->json, "as JSON");
+  command->callback([options, &chosen] { chosen = [options] { return model(*options); }; });
 }
 
 }  // namespace sightline::cli

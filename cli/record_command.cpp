@@ -1,15 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <csignal>
+#include <filesystem>
+#include <memory>
+#include <optional>
 
 #include "commands.hpp"
 #include "daemon.hpp"
 #include "report.hpp"
-#include "sightline/base/log.hpp"
+#include "sightline/base/log_output.hpp"
 #include "signals.hpp"
 
 namespace sightline::cli {
 namespace {
+
+struct RecordOptions {
+  std::filesystem::path config;
+  std::filesystem::path out;
+  std::optional<double> seconds;  ///< stop by itself
+};
 
 using namespace std::chrono_literals;
 
@@ -19,6 +29,7 @@ void wait_for_end(const Daemon& daemon, const Signals& signals, std::optional<do
   for (;;) {
     if (signals.wait(100ms) != 0) return;
     if (seconds && MonotonicClock::now() - start >= from_seconds(*seconds)) return;
+    (void)log::flush(0ms);
     if (daemon.ended() || !daemon.record_problem().empty()) return;
   }
 }
@@ -34,11 +45,23 @@ Status record_until_end(const RecordOptions& options) {
   return daemon->stop();
 }
 
+int record(const RecordOptions& options) {
+  log::never_wait();  // a recording does not stand still for who reads the messages
+  const Status done = record_until_end(options);
+  (void)log::flush(1s);
+  return done ? 0 : report(done.error());
+}
+
 }  // namespace
 
-int record(const RecordOptions& options) {
-  const Status done = record_until_end(options);
-  return done ? 0 : report(done.error());
+void add_record(CLI::App& app, Command& chosen) {
+  auto options = std::make_shared<RecordOptions>();
+  auto* command = app.add_subcommand("record", "record an installation's cameras");
+  command->add_option("--config", options->config, "installation file")->required();
+  command->add_option("OUT", options->out, "folder to make")->required();
+  command->add_option("--seconds", options->seconds, "stop after so long (default: Ctrl-C)")
+      ->check(CLI::PositiveNumber);
+  command->callback([options, &chosen] { chosen = [options] { return record(*options); }; });
 }
 
 }  // namespace sightline::cli

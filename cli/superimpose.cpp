@@ -7,9 +7,9 @@
 #include <cmath>
 #include <iterator>
 
-#include "sightline/render/camera_renderer.hpp"
-#include "sightline/render/point_marks.hpp"
-#include "sightline/render/static_depth.hpp"
+#include "sightline/render/overlay/camera_renderer.hpp"
+#include "sightline/render/overlay/point_marks.hpp"
+#include "sightline/render/raster/static_depth.hpp"
 
 namespace sightline::cli {
 namespace {
@@ -24,8 +24,7 @@ Error refusal(const std::vector<PointFile>& files, const SuperimposedPoint& poin
       "that --points-frame says, in the unit of --points-unit, and are the camera poses right? "
       "--skip-behind leaves such points out",
       p.x(), p.y(), p.z(), camera.name,
-      point.state == PointState::kBehind ? "behind the camera"
-                                         : "beyond what its lens can picture");
+      point.state == PointState::kBehind ? "behind the camera" : "beyond what its lens can image");
 }
 
 std::shared_ptr<const StaticDepth> depth_of(const std::vector<PlacedMesh>& meshes,
@@ -87,7 +86,7 @@ void hide_points(const std::vector<PlacedMesh>& surfaces, const CalibratedCamera
 
 Status draw_placed_mesh(const PlacedMesh& object, const std::vector<PlacedMesh>& scene,
                         const CalibratedCamera& camera, const std::shared_ptr<const RayTable>& rays,
-                        const OverlayStyle& style, Picture& picture) {
+                        const OverlayStyle& style, Image& image) {
   const auto hidden_by = scene.empty() ? nullptr : depth_of(scene, camera, rays);
   SL_ASSIGN(
       const auto renderer,
@@ -100,19 +99,19 @@ Status draw_placed_mesh(const PlacedMesh& object, const std::vector<PlacedMesh>&
   const std::array<PoseTrackPtr, 1> tracks = {
       std::make_shared<const PoseTrack>(ObjectId(0), std::vector{estimate}, MotionNoise())};
   std::vector<PoseAt> poses;
-  renderer->draw(picture.mutable_view(), estimate.time, tracks, poses);
+  renderer->draw(image.mutable_view(), estimate.time, tracks, poses);
   return {};
 }
 
 void draw_superimposed(const std::vector<PointFile>& files,
-                       const std::vector<SuperimposedPoint>& points, Picture& picture) {
+                       const std::vector<SuperimposedPoint>& points, Image& image) {
   std::vector<PointMark> marks;
   for (const SuperimposedPoint& point : points) {
-    if (!point.in_picture()) continue;
+    if (!point.in_image()) continue;
     marks.push_back({point.pixel, point.in_camera.z(), files[point.file].kind,
                      point.state == PointState::kHidden});
   }
-  draw_point_marks(picture.mutable_view(), marks, fit_depth_scale(marks));
+  draw_point_marks(image.mutable_view(), marks, fit_depth_scale(marks));
 }
 
 std::string format_table(const std::vector<PointFile>& files,

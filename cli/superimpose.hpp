@@ -8,15 +8,15 @@
 #include "sightline/base/result.hpp"
 #include "sightline/geometry/camera_model.hpp"
 #include "sightline/geometry/point_list.hpp"
-#include "sightline/image/picture.hpp"
+#include "sightline/image/image.hpp"
 #include "sightline/model/scene_points.hpp"
-#include "sightline/render/overlay_style.hpp"
-#include "sightline/render/ray_table.hpp"
-#include "sightline/render/render_mesh.hpp"
+#include "sightline/render/mesh/render_mesh.hpp"
+#include "sightline/render/overlay/overlay_style.hpp"
+#include "sightline/render/raster/ray_table.hpp"
 
 namespace sightline::cli {
 
-/// Still pictures: points or a mesh, known in one camera's frame or in the world, in another
+/// Still images: points or a mesh, known in one camera's frame or in the world, in another
 /// camera's view.
 
 /// A file of points of one kind.
@@ -27,18 +27,18 @@ struct PointFile {
 };
 
 enum class PointState { kVisible, kHidden, kOutside, kBehind, kBeyondLens };
-/// "visible", "hidden" (behind a surface), "outside" (of the picture), "behind" (the camera),
+/// "visible", "hidden" (behind a surface), "outside" (of the image), "behind" (the camera),
 /// "beyond_lens" (its fold-over radius).
 std::string_view to_string(PointState state);
 
-/// One point on its way into the picture.
+/// One point on its way into the image.
 struct SuperimposedPoint {
   size_t file = 0;  ///< into the files
   size_t index = 0;
   Eigen::Vector3d in_world, in_camera;
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();  ///< unless behind or beyond_lens
   PointState state = PointState::kVisible;
-  bool in_picture() const { return state == PointState::kVisible || state == PointState::kHidden; }
+  bool in_image() const { return state == PointState::kVisible || state == PointState::kHidden; }
 };
 
 /// A mesh and where it stands.
@@ -64,11 +64,11 @@ void hide_points(const std::vector<PlacedMesh>& surfaces, const CalibratedCamera
 /// Draws the mesh as the stream would, hidden surfaces removed; parts behind `scene` as x-ray.
 Status draw_placed_mesh(const PlacedMesh& object, const std::vector<PlacedMesh>& scene,
                         const CalibratedCamera& camera, const std::shared_ptr<const RayTable>& rays,
-                        const OverlayStyle& style, Picture& picture);
+                        const OverlayStyle& style, Image& image);
 
-/// Draws the points that are in the picture, edges and corners apart, coloured by depth.
+/// Draws the points that are in the image, edges and corners apart, colored by depth.
 void draw_superimposed(const std::vector<PointFile>& files,
-                       const std::vector<SuperimposedPoint>& points, Picture& picture);
+                       const std::vector<SuperimposedPoint>& points, Image& image);
 
 /// CSV with a heading: kind,file,line,x_world,...,x_camera,...,u_px,v_px,state [m, px].
 std::string format_table(const std::vector<PointFile>& files,

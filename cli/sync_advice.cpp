@@ -95,7 +95,7 @@ std::vector<std::string> sync_advice(const SyncCamera& a, const SyncCamera& b,
     about_ptp(*camera, advice);
     if (camera->status && !camera->status->latched && camera->status->delivered > 0) {
       advice.push_back(fmt::format(
-          "{}: the camera cannot be asked for its time, so the way of its pictures to here is only "
+          "{}: the camera cannot be asked for its time, so the way of its images to here is only "
           "bounded: {:.1f} ms (transit_us, if you measured it)",
           camera->name, camera->exposure_error_ms));
     }

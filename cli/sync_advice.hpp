@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "sightline/capture/aravis_source.hpp"
-#include "sightline/capture/camera_sync.hpp"
+#include "sightline/capture/aravis/aravis_source.hpp"
+#include "sightline/capture/common/camera_sync.hpp"
 
 namespace sightline::cli {
 

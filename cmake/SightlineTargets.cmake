@@ -6,14 +6,23 @@ macro(sightline_global_flags)
   set(CMAKE_CXX_STANDARD_REQUIRED ON)
   set(CMAKE_CXX_EXTENSIONS OFF)
   set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+  # Programs as libraries are compiled, so that they can share precompiled headers.
+  set(CMAKE_CXX_COMPILE_OPTIONS_PIE "-fPIC")
   set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
   set(CMAKE_RUNTIME_OUTPUT_DIRECTORY "${PROJECT_BINARY_DIR}/bin")
   find_program(SIGHTLINE_CCACHE ccache)
   if(SIGHTLINE_CCACHE)
-    set(CMAKE_CXX_COMPILER_LAUNCHER "${SIGHTLINE_CCACHE}")
+    # What ccache asks for with precompiled headers.
+    set(CMAKE_CXX_COMPILER_LAUNCHER "${CMAKE_COMMAND}" -E env "CCACHE_SLOPPINESS=pch_defines,time_macros"
+                                    "${SIGHTLINE_CCACHE}")
   endif()
   add_library(sightline_flags INTERFACE)
   target_include_directories(sightline_flags INTERFACE "${PROJECT_SOURCE_DIR}/include")
+  # The same in all targets, so that they can share precompiled headers.
+  target_compile_options(sightline_flags INTERFACE -pthread)
+  if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64|amd64")
+    target_compile_definitions(sightline_flags INTERFACE SIGHTLINE_X86_64)
+  endif()
   target_compile_options(sightline_flags INTERFACE -Wall -Wextra -Wconversion -Wshadow)
   if(SIGHTLINE_STRICT)
     target_compile_options(sightline_flags INTERFACE -Werror)
@@ -49,21 +58,58 @@ macro(sightline_find_dependencies)
   find_package(spdlog REQUIRED)
 endmacro()
 
-# sightline_room(NAME SOURCES a.cpp ... ROOMS base ... LIBRARIES X::X ...)
-# Static library sightline_NAME; vendor libraries are linked privately.
+# sightline_make_pch(): the targets sightline_pch and, with tests, sightline_pch_test.
+function(sightline_make_pch)
+  if(NOT SIGHTLINE_PCH)
+    return()
+  endif()
+  add_library(sightline_pch STATIC "${PROJECT_SOURCE_DIR}/cmake/pch.cpp")
+  target_link_libraries(sightline_pch PRIVATE sightline_flags Eigen3::Eigen fmt::fmt)
+  target_precompile_headers(sightline_pch PRIVATE "${PROJECT_SOURCE_DIR}/cmake/pch.hpp")
+  if(SIGHTLINE_TESTS)
+    find_package(GTest REQUIRED)
+    add_library(sightline_pch_test STATIC "${PROJECT_SOURCE_DIR}/cmake/pch.cpp")
+    target_link_libraries(sightline_pch_test PRIVATE sightline_flags Eigen3::Eigen fmt::fmt GTest::gtest GTest::gmock)
+    target_precompile_headers(sightline_pch_test PRIVATE "${PROJECT_SOURCE_DIR}/cmake/pch_test.hpp")
+  endif()
+endfunction()
+
+# Uses the precompiled header of another target. Sources with compile options of their own go without.
+function(sightline_precompile target from)
+  if(TARGET ${from})
+    target_precompile_headers(${target} REUSE_FROM ${from})
+    target_link_libraries(${target} PRIVATE Eigen3::Eigen fmt::fmt)
+  endif()
+endfunction()
+
+# sightline_source_options(OPTIONS SOURCE...): compile options of single sources (of the calling folder).
+function(sightline_source_options options)
+  set_source_files_properties(${ARGN} PROPERTIES COMPILE_OPTIONS "${options}" SKIP_PRECOMPILE_HEADERS ON)
+endfunction()
+
+# sightline_room(NAME ROOMS base ... LIBRARIES X::X ... [EXCLUDE regex ...])
+# Static library sightline_NAME of every .cpp in the room's folder and its sub-rooms, less those that a
+# regular expression of EXCLUDE matches (optional parts). Private headers are included by their path
+# from src/; vendor libraries are linked privately.
 function(sightline_room name)
-  cmake_parse_arguments(ARG "" "" "SOURCES;ROOMS;LIBRARIES" ${ARGN})
-  add_library(sightline_${name} STATIC ${ARG_SOURCES})
+  cmake_parse_arguments(ARG "" "" "ROOMS;LIBRARIES;EXCLUDE" ${ARGN})
+  file(GLOB sources CONFIGURE_DEPENDS RELATIVE "${CMAKE_CURRENT_SOURCE_DIR}" "*.cpp" "*/*.cpp" "*/*/*.cpp")
+  foreach(pattern IN LISTS ARG_EXCLUDE)
+    list(FILTER sources EXCLUDE REGEX "${pattern}")
+  endforeach()
+  add_library(sightline_${name} STATIC ${sources})
   target_link_libraries(sightline_${name} PUBLIC sightline_flags)
   foreach(room IN LISTS ARG_ROOMS)
     target_link_libraries(sightline_${name} PUBLIC sightline_${room})
   endforeach()
   target_link_libraries(sightline_${name} PRIVATE ${ARG_LIBRARIES})
-  target_include_directories(sightline_${name} PRIVATE "${CMAKE_CURRENT_SOURCE_DIR}")
+  target_include_directories(sightline_${name} PRIVATE "${PROJECT_SOURCE_DIR}/src")
+  sightline_precompile(sightline_${name} sightline_pch)
 endfunction()
 
 # sightline_test(NAME SOURCES x_test.cpp ... ROOMS geometry ... [LIBRARIES ...] [LABELS ...] [TIMEOUT s])
-# One GoogleTest program, one CTest entry named NAME. Exit status 77 means skipped.
+# One GoogleTest program, one CTest entry named NAME. Exit status 77 means skipped. Its folder becomes a label,
+# `room_FOLDER`, and a target, `tests_FOLDER`, so that what a change touches can be built and run alone.
 function(sightline_test name)
   cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;ROOMS;LIBRARIES;LABELS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
@@ -73,17 +119,23 @@ function(sightline_test name)
     target_link_libraries(${name} PRIVATE sightline_${room})
   endforeach()
   target_include_directories(${name} PRIVATE "${PROJECT_SOURCE_DIR}/tests")
+  sightline_precompile(${name} sightline_pch_test)
   target_compile_definitions(${name} PRIVATE SIGHTLINE_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
                                              SIGHTLINE_BINARY_DIR="${PROJECT_BINARY_DIR}")
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 300)
   endif()
-  if(SIGHTLINE_SANITIZE)  # what renders its pictures takes ten times as long
+  if(SIGHTLINE_SANITIZE)  # what renders its images takes ten times as long
     math(EXPR ARG_TIMEOUT "4 * ${ARG_TIMEOUT}")
   endif()
   add_test(NAME ${name} COMMAND ${name} WORKING_DIRECTORY "${PROJECT_SOURCE_DIR}")
+  get_filename_component(folder "${CMAKE_CURRENT_SOURCE_DIR}" NAME)
   set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} SKIP_RETURN_CODE 77
-                                          LABELS "${ARG_LABELS}")
+                                          LABELS "room_${folder};${ARG_LABELS}")
+  if(NOT TARGET tests_${folder})
+    add_custom_target(tests_${folder})
+  endif()
+  add_dependencies(tests_${folder} ${name})
 endfunction()
 
 # sightline_fuzzer(NAME SOURCES f.cpp ROOMS ... CORPUS dir)

@@ -114,7 +114,7 @@ void add_motion(Maker& maker) {
 }
 
 void add_objects(Maker& maker) {
-  Condition& alike = maker.add("similar", "room in the object's colour, 31 mm + 15 deg", 2, 60);
+  Condition& alike = maker.add("similar", "room in the object's color, 31 mm + 15 deg", 2, 60);
   alike.rig.backdrop.similarity = 0.9f;
   alike.rig.backdrop.like = alike.rig.paint.color;
   alike.steps.step = 0.031;
@@ -133,7 +133,7 @@ void add_objects(Maker& maker) {
   bracket.rig.name = "bracket";
   bracket.rig.shape = std::make_shared<const test::RayMesh>(test::make_bracket());
   bracket.rig.paint.color = {0.25f, 0.26f, 0.28f};
-  Condition& truck = maker.add("truck", "truck of four colours", 2, 60);
+  Condition& truck = maker.add("truck", "truck of four colors", 2, 60);
   truck.rig.name = "truck";
   truck.rig.shape = std::make_shared<const test::RayMesh>(test::make_truck());
   truck.rig.paint.kind = Paint::Kind::kFaces;
@@ -200,9 +200,9 @@ void add_entering(Maker& maker) {
     c.rig.backdrop.similarity = similarity;
     c.rig.backdrop.like = c.rig.paint.color;
   };
-  alike(enter("similar-8", "room 0.8 in the object's colour", 2), 0.8f);
-  alike(enter("similar-9", "room 0.9 in the object's colour", 2), 0.9f);
-  Condition& noisy = enter("similar-noise15", "room 0.8 in its colour, noise 15/255", 2);
+  alike(enter("similar-8", "room 0.8 in the object's color", 2), 0.8f);
+  alike(enter("similar-9", "room 0.9 in the object's color", 2), 0.9f);
+  Condition& noisy = enter("similar-noise15", "room 0.8 in its color, noise 15/255", 2);
   alike(noisy, 0.8f);
   noisy.rig.sensor.read_noise = 15;
   Condition& light = enter("light", "the light changes by a half at the same time", 2);

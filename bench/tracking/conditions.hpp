@@ -10,7 +10,7 @@
 
 namespace sightline::bench {
 
-/// Limits that a condition is held to (the targets of DESIGN section 7); empty: none.
+/// Limits that a condition is held to; empty: none.
 struct Targets {
   std::optional<double> position_mm, rotation_deg;  ///< medians
   std::optional<double> depth_mm;                   ///< median, along the first camera's axis

@@ -6,13 +6,10 @@
 #include <ctime>
 #include <numbers>
 
-#include "camera_observer.hpp"
-#include "object_search.hpp"
-#include "object_views.hpp"
-#include "pictures.hpp"
+#include "images.hpp"
 #include "shot_store.hpp"
 #include "sightline/config/object_file.hpp"
-#include "sightline/fuse/estimator.hpp"
+#include "sightline/pipeline/tracking_chain.hpp"
 #include "sightline/record/evaluate.hpp"
 #include "support/scene_shapes.hpp"
 
@@ -46,7 +43,7 @@ Result<Installation> installation_of(const Condition& condition, const test::Sce
                                     .recorded_as = {},
                                     .calibration = calibration,
                                     .overlay = {},
-                                    .where = {}});
+                                    .place = {}});
   }
   return installation;
 }
@@ -60,86 +57,61 @@ class Chain {
     SL_ASSIGN(chain->installation_, installation_of(condition, rig, silhouettes));
     chain->told_ = condition.told;
     SL_ASSIGN(chain->rig_, load_rig(chain->installation_));
-    SL_RETURN_IF_ERROR(chain->restart());
     if (condition.start == Start::kCold) {
-      SL_ASSIGN(chain->search_,
-                ObjectSearch::create(chain->installation_, chain->rig_, cache_folder()));
+      SL_ASSIGN(chain->search_, ObjectSearch::create(chain->installation_, chain->rig_));
     }
+    SL_RETURN_IF_ERROR(chain->restart());
     return chain;
   }
 
-  /// Forgets everything.
+  /// Forgets everything but what the search has learned.
   Status restart() {
-    observers_.clear();
-    for (uint32_t i = 0; i < installation_.cameras.size(); ++i) {
-      SL_ASSIGN(auto observer, CameraObserver::create(installation_, rig_, CameraId(i)));
-      observers_.push_back(std::move(observer));
-    }
-    SL_ASSIGN(
-        ObjectEstimator estimator,
-        ObjectEstimator::create(installation_.estimator, ObjectId(0), rig_.objects[0].lookalikes));
-    estimator_ = std::make_unique<ObjectEstimator>(std::move(estimator));
-    tracks_ = {estimator_->track()};
+    std::vector<CameraId> cameras;
+    for (uint32_t i = 0; i < installation_.cameras.size(); ++i) cameras.emplace_back(i);
+    auto search = chain_ ? chain_->take_search() : std::move(search_);
+    SL_ASSIGN(chain_, TrackingChain::create(installation_, rig_, cameras, std::move(search),
+                                            SearchTiming{.instant = true}));
     return {};
   }
 
-  void look(const Frame& frame, std::vector<Observation>& set) {
-    observers_[frame.info().camera.index()]->step(frame, tracks_, set);
-  }
+  void begin(Time now) { chain_->begin(now); }
+  void observe(const FramePtr& frame) { chain_->observe({frame->info().camera, frame}); }
+  void put(Observation observation) { chain_->set().push_back(std::move(observation)); }
   Observation start(const Frame& frame, const Rigid3& pose) {
     Matrix6 covariance = Matrix6::Identity() * 0.01 * 0.01;
     covariance.diagonal().tail<3>().setConstant(0.002 * 0.002);
-    Observation out = observers_[frame.info().camera.index()]->tracker().propose(frame, ObjectId(0),
-                                                                                 pose, covariance);
+    Observation out = chain_->observer(frame.info().camera)
+                          ->tracker()
+                          .propose(frame, ObjectId(0), pose, covariance);
     if (!told_) return out;
     // Given is also which of the poses it is that look alike.
-    out.alike = {{pose, 0}};
-    for (const Rigid3& turn : rig_.objects[0].lookalikes.turns) {
-      out.alike.push_back({pose * turn, 40});
+    out.symmetric_hypotheses = {{pose, 0}};
+    for (const Rigid3& turn : rig_.objects[0].shape_symmetry.rotations) {
+      out.symmetric_hypotheses.push_back({pose * turn, 40});
     }
     return out;
   }
-  /// Searches where that is due, as replay does: in no time. Looks that saw nothing are replaced.
-  bool search(const std::vector<FramePtr>& frames, std::vector<Observation>& set) {
-    if (!search_) return false;
-    for (const FramePtr& frame : frames) search_->add_frame(frame->info().camera, *frame, tracks_);
-    const Time now = frames.front()->info().capture;
-    if (!search_->due(now, tracks_)) return false;
-    found_ = false;
-    for (Observation& found : search_->search(now, tracks_)) {
-      found_ = true;
-      if (found.capture != now) {
-        fuse({&found, 1});
-        continue;
-      }
-      for (Observation& known : set) {
-        if (known.camera == found.camera && known.terms.empty()) known = found;
-      }
-    }
-    return true;
+  /// Searches where that is due, in no time: the figures are of what is found, not of when.
+  bool search(const std::vector<FramePtr>& frames) {
+    std::vector<CameraFrame> seen;
+    for (const FramePtr& frame : frames) seen.push_back({frame->info().camera, frame});
+    return chain_->search(seen);
   }
   /// The newest search found something.
-  bool found() const { return found_; }
-  UpdateReport fuse(std::span<const Observation> set) {
-    const UpdateReport report = estimator_->process(set);
-    tracks_ = {estimator_->track()};
-    return report;
-  }
+  bool found() const { return chain_->found(); }
+  UpdateReport fuse() { return chain_->fuse().front(); }
 
   const Installation& installation() const { return installation_; }
   const Rig& rig() const { return rig_; }
-  const std::vector<PoseTrackPtr>& tracks() const { return tracks_; }
+  const std::vector<PoseTrackPtr>& tracks() const { return chain_->tracks(); }
 
  private:
   Chain() = default;
   Installation installation_;
   Rig rig_;
-  std::vector<std::unique_ptr<CameraObserver>> observers_;
-  std::unique_ptr<ObjectEstimator> estimator_;
-  std::unique_ptr<ObjectSearch> search_;
-  std::vector<PoseTrackPtr> tracks_;
+  std::unique_ptr<ObjectSearch> search_;  // until there is a chain
+  std::unique_ptr<TrackingChain> chain_;
   bool told_ = true;
-  bool found_ = false;
 };
 
 Sample judge(const PoseEstimate& estimate, const Rigid3& truth, const Rigid3& world_from_camera,
@@ -150,7 +122,7 @@ Sample judge(const PoseEstimate& estimate, const Rigid3& truth, const Rigid3& wo
   sample.failed = true;
   if (!has_pose(estimate.state)) return sample;
   const Rigid3& pose = estimate.world_from_object;
-  const Rigid3 alike = nearest_alike(truth, pose, symmetry);
+  const Rigid3 alike = nearest_symmetric(truth, pose, symmetry);
   sample.mm = 1e3 * translation_distance(alike, pose);
   sample.deg = rotation_angle(alike, pose) * 180 / std::numbers::pi;
   const Eigen::Vector3d in_camera =
@@ -171,15 +143,14 @@ Result<Played> play(const Condition& condition, uint64_t seed, const PlayOptions
   SL_ASSIGN(const auto chain, Chain::create(condition, rig, options.silhouettes));
   const ObjectDescription& object = chain->rig().objects[0].description;
   const SymmetryOption symmetry{object.symmetry, object.symmetry_axis, object.symmetry_order};
-  SL_ASSIGN(auto pictures, Pictures::create(chain->installation(), chain->rig(),
-                                            options.sheets.empty() ? 0 : rig.shots().size()));
+  SL_ASSIGN(auto images, Images::create(chain->installation(), chain->rig(),
+                                        options.sheets.empty() ? 0 : rig.shots().size()));
   Played played;
   played.faces = rig.options().shape->mesh().faces.size();
   bool start = condition.start == Start::kHeld;
   size_t next = 0;
-  std::vector<Observation> set;
   for (const auto& shots : rig.sets()) {
-    set.clear();
+    chain->begin(shots.front().stamp);
     double visible = 0;
     std::vector<FramePtr> frames;
     for (const test::SceneShot& shot : shots) {
@@ -188,22 +159,22 @@ Result<Played> play(const Condition& condition, uint64_t seed, const PlayOptions
       frames.push_back(store.shoot(next++));
       const Frame& frame = *frames.back();
       if (start) {
-        set.push_back(chain->start(frame, rig.truth(shot.true_capture)));
+        chain->put(chain->start(frame, rig.truth(shot.true_capture)));
         continue;
       }
       const double before = cpu_ms();
-      chain->look(frame, set);
-      played.look_ms.push_back(cpu_ms() - before);
+      chain->observe(frames.back());
+      played.step_ms.push_back(cpu_ms() - before);
     }
     const double before_search = cpu_ms();
-    if (chain->search(frames, set)) {
+    if (chain->search(frames)) {
       ++played.searches;
       const double took = cpu_ms() - before_search;
       played.detect_ms += took;
       if (chain->found()) played.find_ms.push_back(took);
     }
     const double before = cpu_ms();
-    const UpdateReport report = chain->fuse(set);
+    const UpdateReport report = chain->fuse();
     played.fuse_ms.push_back(cpu_ms() - before);
     Sample sample = judge(report.estimate, rig.truth(shots.front().true_capture),
                           rig.cameras().front().world_from_camera, symmetry);
@@ -211,8 +182,7 @@ Result<Played> play(const Condition& condition, uint64_t seed, const PlayOptions
     sample.visible = visible;
     const bool outside = shots.front().true_capture < rig.options().start + condition.enters;
     if (!outside || has_pose(sample.state)) played.samples.push_back(sample);
-    for (const FramePtr& frame : frames)
-      SL_RETURN_IF_ERROR(pictures->show(*frame, chain->tracks()));
+    for (const FramePtr& frame : frames) SL_RETURN_IF_ERROR(images->show(*frame, chain->tracks()));
     // A camera of a free-running rig that starts alone is given the true pose until all have been.
     const bool had_start = start;
     start = condition.start == Start::kHeld && sample.failed;
@@ -221,7 +191,7 @@ Result<Played> play(const Condition& condition, uint64_t seed, const PlayOptions
   played.detect_ms /= static_cast<double>(std::max<size_t>(played.searches, 1));
   if (!options.sheets.empty()) {
     const std::string name = fmt::format("{}_{}", condition.name, seed);
-    SL_RETURN_IF_ERROR(pictures->write(options.sheets / (name + ".png")));
+    SL_RETURN_IF_ERROR(images->write(options.sheets / (name + ".png")));
     SL_RETURN_IF_ERROR(write_error_plot(options.sheets / (name + "_errors.png"), played.samples));
   }
   return played;

@@ -24,7 +24,7 @@ struct Sample {
 
 struct Played {
   std::vector<Sample> samples;
-  std::vector<double> look_ms;  ///< CPU of one camera's frame: everything that observes
+  std::vector<double> step_ms;  ///< CPU of one camera's frame: everything that observes
   std::vector<double> fuse_ms;  ///< CPU of one set
   double detect_ms = 0;         ///< CPU of one search, mean
   std::vector<double> find_ms;  ///< CPU of each search that found something
@@ -33,7 +33,7 @@ struct Played {
 };
 
 struct PlayOptions {
-  std::filesystem::path shots;   ///< folder of rendered pictures; empty: rendered every time
+  std::filesystem::path shots;   ///< folder of rendered images; empty: rendered every time
   std::filesystem::path sheets;  ///< folder of contact sheets and plots; empty: none
   bool silhouettes = true;       ///< detect.silhouettes
 };

@@ -41,10 +41,10 @@ FramePtr ShotStore::shoot(size_t index) {
   if (index < stored_) {
     std::ifstream in(file_, std::ios::binary);
     in.seekg(static_cast<std::streamoff>(index * bytes_of(options_)));
-    auto picture = std::make_shared<Picture>(options_.lens.width, options_.lens.height);
-    each_row(picture->mutable_view(),
+    auto image = std::make_shared<Image>(options_.lens.width, options_.lens.height);
+    each_row(image->mutable_view(),
              [&](uint8_t* row, int width) { in.read(reinterpret_cast<char*>(row), width); });
-    if (in) return Frame::decoded(rig_->info_of(shot), std::move(picture));
+    if (in) return Frame::decoded(rig_->info_of(shot), std::move(image));
   }
   FramePtr frame = rig_->shoot(shot);
   if (!file_.empty() && index == stored_) {

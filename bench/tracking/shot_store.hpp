@@ -8,15 +8,15 @@
 
 namespace sightline::bench {
 
-/// The pictures of one sequence, rendered once: kept in a file where a folder is given (about
-/// 0.5 MB a picture), so that a second run sees the same without rendering. The file's name holds
+/// The images of one sequence, rendered once: kept in a file where a folder is given (about
+/// 0.5 MB an image), so that a second run sees the same without rendering. The file's name holds
 /// everything that was asked for; delete the folder after changing the renderer.
 class ShotStore {
  public:
   ShotStore(const test::SceneRigOptions& options, std::filesystem::path folder,
             const std::string& name);
 
-  /// Cameras, truth and shots; its pictures come from shoot().
+  /// Cameras, truth and shots; its images come from shoot().
   const test::SceneRig& rig();
   FramePtr shoot(size_t index);
 

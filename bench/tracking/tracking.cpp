@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The table of docs/accuracy.md: what the product's own chain (observers, estimator, detector) does
-// on rendered pictures whose truth is known, beside what is asked of it.
+// on rendered images whose truth is known, beside what is asked of it.
 //   tracking [--only NAME ...] [--seconds 4] [--seeds 2] [--shots DIR] [--sheets DIR] [--json FILE]
 //            [--no-silhouettes]
 #include <fmt/format.h>
@@ -45,7 +45,7 @@ struct Honesty {
 
 /// All sequences of one condition together.
 struct Figures {
-  std::vector<double> mm, deg, lateral, depth, look_ms, fuse_ms;
+  std::vector<double> mm, deg, lateral, depth, step_ms, fuse_ms;
   std::map<TrackState, Honesty> honesty;
   std::map<TrackState, size_t> states;
   size_t sets = 0, within = 0, failures = 0, wrong = 0;
@@ -113,7 +113,7 @@ Result<Figures> measure(const Condition& condition, int seeds, const PlayOptions
     SL_ASSIGN(const Played played, play(condition, static_cast<uint64_t>(seed), options));
     add_errors(played, condition, f);
     if (condition.start == Start::kCold) add_finding(played, f);
-    f.look_ms.insert(f.look_ms.end(), played.look_ms.begin(), played.look_ms.end());
+    f.step_ms.insert(f.step_ms.end(), played.step_ms.begin(), played.step_ms.end());
     f.fuse_ms.insert(f.fuse_ms.end(), played.fuse_ms.begin(), played.fuse_ms.end());
     f.detect_ms += played.detect_ms / seeds;
     f.find_ms.insert(f.find_ms.end(), played.find_ms.begin(), played.find_ms.end());
@@ -150,7 +150,7 @@ Json to_json(const Condition& c, const Figures& f) {
           {"found_ms", f.found_ms},
           {"never_found", f.never_found},
           {"sets_to_let_go", f.let_go_sets},
-          {"look_cpu_ms", pair(f.look_ms)},
+          {"step_cpu_ms", pair(f.step_ms)},
           {"fuse_cpu_ms", pair(f.fuse_ms)},
           {"detect_cpu_ms", f.detect_ms},
           {"find_cpu_ms", pair(f.find_ms)},
@@ -185,7 +185,7 @@ void print(const Condition& c, const Figures& f) {
       tracking == f.honesty.end() ? "-"
                                   : fmt::format("{:.1f} ({:.0f} %)", tracking->second.mean(),
                                                 100 * tracking->second.inside()),
-      quantile(f.look_ms, 0.5), verdict(c, f));
+      quantile(f.step_ms, 0.5), verdict(c, f));
   if (c.start == Start::kCold) {
     fmt::print("|   found after [ms] |");
     for (const double ms : f.found_ms) fmt::print(" {:.0f}", ms);
@@ -210,11 +210,11 @@ int main(int argc, char** argv) {
   double seconds = 4;
   int seeds = 2;
   PlayOptions options;
-  CLI::App app{"Tracking on rendered pictures, beside its targets"};
+  CLI::App app{"Tracking on rendered images, beside its targets"};
   app.add_option("--only", only, "conditions whose name starts so");
   app.add_option("--seconds", seconds, "of every sequence")->check(CLI::Range(0.5, 120.0));
   app.add_option("--seeds", seeds, "sequences of a condition")->check(CLI::Range(1, 100));
-  app.add_option("--shots", options.shots, "keep rendered pictures in this folder");
+  app.add_option("--shots", options.shots, "keep rendered images in this folder");
   app.add_option("--sheets", options.sheets, "write contact sheets and error plots here");
   app.add_flag("!--no-silhouettes", options.silhouettes, "search without background models");
   app.add_option("--json", json_file, "write all figures here");

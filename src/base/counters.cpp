@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <tuple>
+#include <utility>
 
 namespace sightline {
 
@@ -10,6 +11,7 @@ Counter& Registry::counter(const std::string& name, const std::string& help, con
   std::lock_guard lock(mutex_);
   auto& entry = counters_[{name, labels}];
   entry.help = help;
+  entry.removed = false;
   return entry.value;
 }
 
@@ -17,7 +19,20 @@ Gauge& Registry::gauge(const std::string& name, const std::string& help, const L
   std::lock_guard lock(mutex_);
   auto& entry = gauges_[{name, labels}];
   entry.help = help;
+  if (std::exchange(entry.removed, false)) entry.value.set(0);
   return entry.value;
+}
+
+void Registry::remove(const std::string& label, const std::string& value) {
+  std::lock_guard lock(mutex_);
+  const auto mark = [&](auto& table) {
+    for (auto& [key, entry] : table) {
+      const auto found = key.second.find(label);
+      if (found != key.second.end() && found->second == value) entry.removed = true;
+    }
+  };
+  mark(counters_);
+  mark(gauges_);
 }
 
 std::vector<Registry::Sample> Registry::samples() const {
@@ -25,10 +40,12 @@ std::vector<Registry::Sample> Registry::samples() const {
   std::vector<Sample> out;
   out.reserve(counters_.size() + gauges_.size());
   for (const auto& [key, entry] : counters_) {
+    if (entry.removed) continue;
     out.push_back({key.first, entry.help, key.second, Kind::kCounter,
                    static_cast<double>(entry.value.value())});
   }
   for (const auto& [key, entry] : gauges_) {
+    if (entry.removed) continue;
     out.push_back({key.first, entry.help, key.second, Kind::kGauge, entry.value.value()});
   }
   std::stable_sort(out.begin(), out.end(), [](const Sample& a, const Sample& b) {

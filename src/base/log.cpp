@@ -1,13 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sightline/base/log.hpp"
 
+#include <spdlog/details/os.h>
+#include <spdlog/sinks/base_sink.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 
 #include <atomic>
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
+#include <mutex>
+#include <string>
+
+#include "base/line_writer.hpp"
+#include "sightline/base/log_output.hpp"
 
 namespace sightline::log {
 namespace {
@@ -46,16 +54,83 @@ const char* priority(Level level) {
   return "<3>";
 }
 
+const char* pattern() { return under_journal() ? "%v" : "%H:%M:%S.%e %^%-7l%$ %v"; }
+
+constexpr size_t kMostKept = size_t{256} << 10;  // [bytes] of what nobody reads
+
+/// stderr through a LineWriter; spdlog's own sink for it waits while nobody reads a full pipe.
+class PatientSink final : public spdlog::sinks::base_sink<std::mutex> {
+ public:
+  PatientSink()
+      : color_(spdlog::details::os::in_terminal(stderr) &&
+               spdlog::details::os::is_color_terminal()),
+        writer_(STDERR_FILENO, kMostKept, [this](uint64_t lost) { return note(lost); }) {}
+
+  bool write_rest(Duration patience) {
+    const std::lock_guard lock(mutex_);
+    return writer_.flush(patience);
+  }
+  uint64_t lost() {
+    const std::lock_guard lock(mutex_);
+    return writer_.lost();
+  }
+
+ private:
+  void sink_it_(const spdlog::details::log_msg& message) override {
+    writer_.write(formatted(message));
+  }
+  void flush_() override {}
+
+  std::string formatted(const spdlog::details::log_msg& message) {
+    message.color_range_start = message.color_range_end = 0;
+    spdlog::memory_buf_t buffer;
+    formatter_->format(message, buffer);
+    std::string line(buffer.data(), buffer.size());
+    if (color_ && message.color_range_end > message.color_range_start) {
+      line.insert(message.color_range_end, "\033[m");
+      line.insert(message.color_range_start, color(message.level));
+    }
+    return line;
+  }
+
+  std::string note(uint64_t lost) {
+    const std::string text = fmt::format("{}{} messages were lost: they were not read in time",
+                                         under_journal() ? priority(Level::kWarning) : "", lost);
+    return formatted(spdlog::details::log_msg("", spdlog::level::warn, text));
+  }
+
+  static const char* color(spdlog::level::level_enum level) {
+    if (level >= spdlog::level::err) return "\033[31m\033[1m";
+    if (level == spdlog::level::warn) return "\033[33m\033[1m";
+    return level == spdlog::level::info ? "\033[32m" : "\033[36m";
+  }
+
+  const bool color_;
+  base::LineWriter writer_;
+};
+
+// Null: writes wait. Never destroyed: threads may log until the very end.
+std::atomic<PatientSink*> patient_sink{nullptr};
+
 spdlog::logger& logger() {
-  // Never destroyed: threads may log until the very end.
   static spdlog::logger& instance = *[] {
     auto* made =
         new spdlog::logger("sightline", std::make_shared<spdlog::sinks::stderr_color_sink_mt>());
-    made->set_pattern(under_journal() ? "%v" : "%H:%M:%S.%e %^%-7l%$ %v");
+    made->set_pattern(pattern());
     made->set_level(spdlog::level::info);
     return made;
   }();
   return instance;
+}
+
+// The journal takes each line for a message of its own.
+std::string with_priorities(Level level, std::string_view text) {
+  std::string out = priority(level);
+  for (const char c : text) {
+    out += c;
+    if (c == '\n') out += priority(level);
+  }
+  return out;
 }
 
 std::atomic<Level> current_level{Level::kInfo};
@@ -71,10 +146,29 @@ Level level() { return current_level; }
 
 void write(Level line_level, std::string_view line) {
   if (under_journal()) {
-    logger().log(to_spdlog(line_level), "{}{}", priority(line_level), line);
+    logger().log(to_spdlog(line_level), "{}", with_priorities(line_level, line));
   } else {
     logger().log(to_spdlog(line_level), "{}", line);
   }
+}
+
+void never_wait() {
+  if (patient_sink != nullptr) return;
+  base::reopen_without_blocking(STDERR_FILENO);
+  const auto sink = std::make_shared<PatientSink>();
+  sink->set_pattern(pattern());
+  logger().sinks() = {sink};
+  patient_sink = sink.get();
+}
+
+bool flush(Duration patience) {
+  PatientSink* const sink = patient_sink;
+  return sink == nullptr || sink->write_rest(patience);
+}
+
+uint64_t lost() {
+  PatientSink* const sink = patient_sink;
+  return sink == nullptr ? 0 : sink->lost();
 }
 
 }  // namespace sightline::log

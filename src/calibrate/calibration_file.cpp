@@ -4,10 +4,14 @@
 #include <algorithm>
 #include <exception>
 
-#include "calibration_reader.hpp"
+#include "calibrate/calibration_reader.hpp"
 #include "sightline/base/files.hpp"
+#include "sightline/base/toml_nesting.hpp"
 
 namespace sightline {
+
+using namespace calibrate;
+
 namespace {
 
 constexpr size_t kMaxBytes = size_t{16} << 20;
@@ -75,6 +79,7 @@ Result<std::vector<CalibratedCamera>> read_cameras(const toml::table& root,
 
 Result<std::vector<CalibratedCamera>> parse_calibration(std::string_view text,
                                                         const std::string& where) try {
+  SL_RETURN_IF_ERROR(check_toml_nesting(text, where));
   const toml::table root = toml::parse(text, where);
   return read_cameras(root, where);
 } catch (const toml::parse_error& e) {
@@ -89,7 +94,7 @@ Result<std::vector<CalibratedCamera>> read_calibration(const std::filesystem::pa
 }
 
 std::string format_calibration(const std::vector<CalibratedCamera>& cameras) {
-  std::string text = "# calibration of the cameras: pixels and metres\n";
+  std::string text = "# calibration of the cameras: pixels and meters\n";
   for (const CalibratedCamera& camera : cameras) {
     const CameraModel::Parameters& p = camera.model.parameters();
     text += fmt::format(

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calibration_reader.hpp"
+#include "calibrate/calibration_reader.hpp"
 
 #include <algorithm>
 #include <array>
@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-namespace sightline {
+namespace sightline::calibrate {
 namespace {
 
 constexpr std::array kKeys = {"name", "width", "height", "model",      "fx",
@@ -21,6 +21,8 @@ constexpr std::array<std::pair<const char*, size_t>, 7> kSigmas = {{{"fx", 1},
                                                                     {"distortion", 0},
                                                                     {"rotation", 3},
                                                                     {"translation", 3}}};
+
+constexpr double kLargestRms = 10'000;  // [px]
 
 struct LensName {
   const char* name;
@@ -246,7 +248,9 @@ class CameraReader {
     const toml::node* node = table_.get("rms_px");
     if (node == nullptr) return 0.5;
     SL_ASSIGN(const double value, number(*node, "rms_px"));
-    if (value < 0) return fault(node->source(), "'rms_px' is {}, it cannot be negative", value);
+    if (value < 0 || value > kLargestRms) {
+      return fault(node->source(), "'rms_px' is {}, it must be 0 to {}", value, kLargestRms);
+    }
     return value;
   }
 
@@ -307,4 +311,4 @@ Result<CalibratedCamera> read_camera(const toml::table& table, const std::string
   return CameraReader(table, file).read();
 }
 
-}  // namespace sightline
+}  // namespace sightline::calibrate

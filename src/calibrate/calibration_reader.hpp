@@ -7,7 +7,7 @@
 
 #include "sightline/geometry/camera_model.hpp"
 
-namespace sightline {
+namespace sightline::calibrate {
 
 /// "FILE:LINE:COLUMN" of a place in the file.
 std::string place(const std::string& file, const toml::source_region& region);
@@ -15,4 +15,4 @@ std::string place(const std::string& file, const toml::source_region& region);
 /// One [[camera]] table.
 Result<CalibratedCamera> read_camera(const toml::table& table, const std::string& file);
 
-}  // namespace sightline
+}  // namespace sightline::calibrate

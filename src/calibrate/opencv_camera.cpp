@@ -16,7 +16,8 @@ namespace {
 
 constexpr size_t kMaxBytes = 4u << 20;  // a camera file is a page of numbers
 
-constexpr int kMostNumbers = 64;
+constexpr int kMaxNumbers = 64;
+constexpr double kLargestRms = 10'000;  // [px]
 
 using Names = std::initializer_list<const char*>;
 
@@ -63,7 +64,7 @@ class CameraFile {
       // Before OpenCV believes a wrong size and allocates it.
       const int rows = node["rows"].isInt() ? static_cast<int>(node["rows"]) : 0;
       const int columns = node["cols"].isInt() ? static_cast<int>(node["cols"]) : 0;
-      if (rows < 1 || columns < 1 || rows > kMostNumbers || columns > kMostNumbers ||
+      if (rows < 1 || columns < 1 || rows > kMaxNumbers || columns > kMaxNumbers ||
           node["data"].size() != static_cast<size_t>(rows * columns)) {
         return fault("{} does not hold the rows and cols that it says", out.name);
       }
@@ -144,7 +145,7 @@ Status read_size(const CameraFile& file, const CameraFileDefaults& defaults,
     return {};
   }
   if (defaults.width == 0) {
-    return file.fault("does not say how large its pictures are: image_width and image_height");
+    return file.fault("does not say how large its images are: image_width and image_height");
   }
   out.width = defaults.width;
   out.height = defaults.height;
@@ -191,12 +192,12 @@ Status read_lens(const CameraFile& file, CameraModel::Parameters& out) {
   std::vector<double>& values = lens ? lens->values : none;
   while (!values.empty() && values.back() == 0) values.pop_back();  // OpenCV pads to 5, 8, 12, 14
   SL_ASSIGN(out.lens, lens_model(file, values.size()));
-  const size_t most = out.lens == LensModel::kFisheye ? 4 : 8;
-  if (values.size() > most) {
+  const size_t max = out.lens == LensModel::kFisheye ? 4 : 8;
+  if (values.size() > max) {
     return file.fault(
         "{} has {} coefficients; our lens models go to {} (thin prism and tilt are "
         "not among them): calibrate without",
-        lens->name, values.size(), most);
+        lens->name, values.size(), max);
   }
   std::copy(values.begin(), values.end(), out.distortion.begin());
   return {};
@@ -260,7 +261,11 @@ Result<CalibratedCamera> read_camera(const CameraFile& file, const CameraFileDef
   const cv::FileNode name = file.find({"camera_name", "name"});
   if (name.isString()) camera.name = static_cast<std::string>(name);
   const cv::FileNode error = file.find({"avg_reprojection_error", "rms", "rms_px"});
-  if (error.isReal() && static_cast<double>(error) > 0) camera.rms_px = static_cast<double>(error);
+  if (!error.isReal()) return camera;
+  const auto rms = static_cast<double>(error);
+  if (!(std::abs(rms) <= kLargestRms))
+    return file.fault("has an error of {} px, which is absurd", rms);
+  if (rms > 0) camera.rms_px = rms;
   return camera;
 }
 

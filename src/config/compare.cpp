@@ -4,109 +4,14 @@
 
 #include <algorithm>
 
-#include "sections.hpp"
 #include "sightline/config/installation.hpp"
 
 namespace sightline {
 namespace {
 
-// Writes the fields of a section down; two sections are equal if their texts are.
-class SectionPrinter {
- public:
-  std::string text_out;
-
-  void flag(std::string_view key, bool field) { put(key, field); }
-  template <typename Field>
-  void integer(std::string_view key, Field field, int64_t, int64_t, std::string_view) {
-    put(key, static_cast<int64_t>(field));
-  }
-  template <typename Field>
-  void number(std::string_view key, Field field, double, double, std::string_view) {
-    put(key, field);
-  }
-  template <typename Allowed>
-  void number_of(std::string_view key, double field, const Allowed&) {
-    put(key, field);
-  }
-  void text(std::string_view key, const std::string& field) { put(key, field); }
-  void file(std::string_view key, const std::filesystem::path& field) { put(key, field.string()); }
-  void directory(std::string_view key, const std::filesystem::path& field) {
-    put(key, field.string());
-  }
-  template <typename Value, typename Known>
-  void choice(std::string_view key, Value field, const Known&) {
-    put(key, static_cast<int>(field));
-  }
-  void seconds(std::string_view key, Duration field, double, double) { put(key, field.count()); }
-  template <typename Value>
-  void controls(std::string_view key, const std::map<std::string, Value>& field) {
-    for (const auto& [name, value] : field) {
-      const std::string full = fmt::format("{}.{}", key, name);
-      std::visit([&](const auto& v) { put(full, v); }, value);
-    }
-  }
-  void point(std::string_view key, const std::optional<Eigen::Vector3d>& field) {
-    if (field) direction(key, *field);
-  }
-  void direction(std::string_view key, const Eigen::Vector3d& v) {
-    put(key, fmt::format("{} {} {}", v.x(), v.y(), v.z()));
-  }
-  void color(std::string_view key, Rgb c) { put(key, fmt::format("{} {} {}", c.r, c.g, c.b)); }
-  /// Where the other keys start from; they say it all.
-  void theme(std::string_view, const OverlayStyle&) {}
-  void styles(std::string_view key, OverlayStyle& style) {
-    for (const std::string_view name : style_names()) put(key, *style_flag(style, name));
-  }
-  void encoders(std::string_view key, const std::vector<std::string>& field) {
-    put(key, fmt::format("{}", fmt::join(field, " ")));
-  }
-
- private:
-  template <typename Value>
-  void put(std::string_view key, const Value& value) {
-    fmt::format_to(std::back_inserter(text_out), "{}={}\n", key, value);
-  }
-};
-
-template <typename Section>
-bool differ(Section a, Section b) {
-  SectionPrinter first, second;
-  config::visit(first, a);
-  config::visit(second, b);
-  return first.text_out != second.text_out;
-}
-
-bool same_pose(const Rigid3& a, const Rigid3& b) {
-  return a.rotation.coeffs() == b.rotation.coeffs() && a.translation == b.translation;
-}
-
-bool same_calibration(const CalibratedCamera& a, const CalibratedCamera& b) {
-  const CameraModel::Parameters &p = a.model.parameters(), &q = b.model.parameters();
-  return a.name == b.name && p.lens == q.lens && p.width == q.width && p.height == q.height &&
-         p.fx == q.fx && p.fy == q.fy && p.cx == q.cx && p.cy == q.cy &&
-         p.distortion == q.distortion && same_pose(a.world_from_camera, b.world_from_camera) &&
-         a.rms_px == b.rms_px;
-}
-
-bool same_source(const CameraConfig& a, const CameraConfig& b) {
-  return a.source == b.source && a.network.url == b.network.url && a.aravis.id == b.aravis.id &&
-         a.v4l2.device == b.v4l2.device && a.libcamera.id == b.libcamera.id &&
-         !differ(a.network, b.network) && !differ(a.aravis, b.aravis) && !differ(a.v4l2, b.v4l2) &&
-         !differ(a.libcamera, b.libcamera);
-}
-
-bool same_camera(const CameraConfig& a, const CameraConfig& b) {
-  return same_source(a, b) && a.recording == b.recording && a.recorded_as == b.recorded_as &&
-         a.scene_depth == b.scene_depth && a.scene_depth_scale == b.scene_depth_scale &&
-         a.scene_depth_content == b.scene_depth_content && a.loop == b.loop &&
-         a.rate_hz == b.rate_hz && a.role == b.role && a.gamma == b.gamma &&
-         same_calibration(a.calibration, b.calibration);
-}
-
-// The hash covers everything that the files say; the rest is which files they are.
-bool same_object(const ObjectConfig& a, const ObjectConfig& b) {
-  return a.content == b.content && a.description.file == b.description.file &&
-         a.description.mesh == b.description.mesh;
+bool same_but_overlay(CameraConfig a, const CameraConfig& b) {
+  a.overlay = b.overlay;
+  return a == b;
 }
 
 template <typename List, typename NameOf>
@@ -138,19 +43,6 @@ bool match(const List& before, const List& after, NameOf name_of, std::vector<st
   return moved;
 }
 
-bool same_views(const std::vector<ViewConfig>& a, const std::vector<ViewConfig>& b) {
-  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
-                    [](const ViewConfig& x, const ViewConfig& y) {
-                      return x.name == y.name && !differ(x, y) && !differ(x.overlay, y.overlay) &&
-                             same_calibration(x.view, y.view);
-                    });
-}
-
-bool same_scene(const SceneConfig& a, const SceneConfig& b) {
-  return a.meshes == b.meshes && a.meters_per_unit == b.meters_per_unit && a.content == b.content &&
-         a.learn == b.learn;
-}
-
 }  // namespace
 
 bool shows_textures(const Installation& installation) {
@@ -158,7 +50,7 @@ bool shows_textures(const Installation& installation) {
     return where.overlay.fill && where.overlay.fill_kind == FillKind::kTextured;
   };
   return std::ranges::any_of(installation.cameras, shows) ||
-         std::ranges::any_of(installation.views, shows);
+         std::ranges::any_of(installation.virtual_cameras, shows);
 }
 
 InstallationChanges compare(const Installation& before, const Installation& after) {
@@ -166,41 +58,36 @@ InstallationChanges compare(const Installation& before, const Installation& afte
   changes.camera_ids =
       match(before.cameras, after.cameras, name_of_camera, changes.cameras_added,
             changes.cameras_removed, [&](const CameraConfig& old, const CameraConfig& now) {
-              if (!same_camera(old, now)) {
-                changes.cameras_changed.push_back(now.name);
-              } else if (differ(old.overlay, now.overlay)) {
-                changes.cameras_restyled.push_back(now.name);
-              }
+              if (old == now) return;
+              const bool restyled = same_but_overlay(old, now);
+              (restyled ? changes.cameras_restyled : changes.cameras_changed).push_back(now.name);
+              changes.scene_depth = changes.scene_depth || !same_scene_depth(old, now);
             });
   changes.object_ids =
       match(before.objects, after.objects, name_of_object, changes.objects_added,
             changes.objects_removed, [&](const ObjectConfig& old, const ObjectConfig& now) {
-              if (!same_object(old, now)) changes.objects_changed.push_back(now.description.name);
+              if (old != now) changes.objects_changed.push_back(now.description.name);
             });
-  changes.views = !same_views(before.views, after.views);
-  changes.scene = !same_scene(before.scene, after.scene);
+  changes.name = before.name != after.name;
+  changes.calibration = before.calibration != after.calibration;
+  changes.views = before.virtual_cameras != after.virtual_cameras;
+  changes.scene = before.scene != after.scene;
   changes.surfaces = before.render.crease_deg != after.render.crease_deg ||
                      shows_textures(before) != shows_textures(after);
-  changes.render = differ(before.render, after.render);
-  changes.observe = differ(before.observe, after.observe) || differ(before.detect, after.detect) ||
-                    differ(before.points, after.points);
-  changes.estimator = differ(before.estimator, after.estimator);
-  changes.rtsp = differ(before.rtsp, after.rtsp);
-  changes.encoder = differ(before.encoder, after.encoder);
-  changes.http = differ(before.http, after.http);
-  changes.record = differ(before.record, after.record);
-  changes.action = differ(before.action, after.action);
-  changes.daemon = differ(before.daemon, after.daemon);
+  changes.render = before.render != after.render;
+  changes.observe = before.fiducial != after.fiducial || before.detect != after.detect ||
+                    before.tracker != after.tracker || before.points != after.points;
+  changes.estimator = before.estimator != after.estimator;
+  changes.rtsp = before.rtsp != after.rtsp;
+  changes.encoder = before.encoder != after.encoder;
+  changes.http = before.http != after.http;
+  changes.record = before.record != after.record;
+  changes.action = before.action != after.action;
+  changes.daemon = before.daemon != after.daemon;
   return changes;
 }
 
-bool InstallationChanges::none() const {
-  return cameras_added.empty() && cameras_removed.empty() && cameras_changed.empty() &&
-         cameras_restyled.empty() && objects_added.empty() && objects_removed.empty() &&
-         objects_changed.empty() && !views && !camera_ids && !object_ids && !scene && !surfaces &&
-         !render && !observe && !estimator && !rtsp && !encoder && !http && !record && !action &&
-         !daemon;
-}
+bool InstallationChanges::none() const { return *this == InstallationChanges{}; }
 
 std::string InstallationChanges::summary() const {
   std::vector<std::string> parts;
@@ -216,7 +103,10 @@ std::string InstallationChanges::summary() const {
   names("changed object", objects_changed);
   if (camera_ids) parts.emplace_back("order of cameras");
   if (object_ids) parts.emplace_back("order of objects");
-  const std::pair<bool, const char*> sections[] = {{views, "views"},
+  const std::pair<bool, const char*> sections[] = {{name, "name"},
+                                                   {scene_depth, "scene depth"},
+                                                   {calibration, "calibration file"},
+                                                   {views, "virtual cameras"},
                                                    {scene, "scene"},
                                                    {surfaces, "surfaces of meshes"},
                                                    {render, "overlay backend, font and depth"},
@@ -228,8 +118,8 @@ std::string InstallationChanges::summary() const {
                                                    {record, "record"},
                                                    {action, "action"},
                                                    {daemon, "daemon"}};
-  for (const auto& [changed, name] : sections) {
-    if (changed) parts.emplace_back(name);
+  for (const auto& [changed, section] : sections) {
+    if (changed) parts.emplace_back(section);
   }
   return parts.empty() ? "nothing" : fmt::format("{}", fmt::join(parts, "; "));
 }

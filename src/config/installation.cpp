@@ -7,9 +7,11 @@
 #include <map>
 #include <optional>
 
-#include "names.hpp"
-#include "section_reader.hpp"
-#include "toml_reader.hpp"
+#include "config/camera_source.hpp"
+#include "config/names.hpp"
+#include "config/object_start.hpp"
+#include "config/section_reader.hpp"
+#include "config/toml_reader.hpp"
 
 namespace sightline {
 namespace {
@@ -19,77 +21,8 @@ using config::SectionReader;
 using config::TomlTable;
 namespace fs = std::filesystem;
 
-constexpr size_t kMostCameras = 64;  // bits of a CameraSet
-constexpr size_t kMostObjects = 255;
-constexpr std::string_view kReplayScheme = "replay:";
-constexpr std::string_view kAravisScheme = "aravis:";
-constexpr std::string_view kV4l2Scheme = "v4l2:";
-constexpr std::string_view kLibcameraScheme = "libcamera:";
-
-// Notes the keys that exist for some kind of source, so that one at the wrong kind is told so.
-class KeyList {
- public:
-  explicit KeyList(std::vector<std::string>& keys) : keys_(keys) {}
-  template <typename... Rest>
-  void flag(std::string_view key, Rest&&...) {
-    add(key);
-  }
-  template <typename... Rest>
-  void integer(std::string_view key, Rest&&...) {
-    add(key);
-  }
-  template <typename... Rest>
-  void number(std::string_view key, Rest&&...) {
-    add(key);
-  }
-  template <typename... Rest>
-  void seconds(std::string_view key, Rest&&...) {
-    add(key);
-  }
-  template <typename... Rest>
-  void text(std::string_view key, Rest&&...) {
-    add(key);
-  }
-  template <typename... Rest>
-  void choice(std::string_view key, Rest&&...) {
-    add(key);
-  }
-  template <typename... Rest>
-  void controls(std::string_view key, Rest&&...) {
-    add(key);
-  }
-
- private:
-  void add(std::string_view key) { keys_.emplace_back(key); }
-  std::vector<std::string>& keys_;
-};
-
-template <typename Options>
-std::vector<std::string> keys_of() {
-  std::vector<std::string> keys;
-  KeyList list(keys);
-  Options options;
-  config::visit(list, options);
-  return keys;
-}
-
-std::vector<std::string> all_source_keys() {
-  std::vector<std::string> all{"loop", "recorded_as"};
-  for (const auto& keys : {keys_of<NetworkOptions>(), keys_of<AravisOptions>(),
-                           keys_of<V4l2Options>(), keys_of<LibcameraOptions>()}) {
-    all.insert(all.end(), keys.begin(), keys.end());
-  }
-  std::sort(all.begin(), all.end());
-  all.erase(std::unique(all.begin(), all.end()), all.end());
-  return all;
-}
-
-bool is_network_address(const std::string& source) {
-  for (const std::string_view scheme : {"rtsp://", "rtsps://", "http://", "https://"}) {
-    if (source.starts_with(scheme)) return true;
-  }
-  return false;
-}
+constexpr size_t kMaxCameras = 64;  // bits of a CameraSet
+constexpr size_t kMaxObjects = 255;
 
 // Reads one installation; its methods follow the file from top to bottom.
 class InstallationReader {
@@ -108,8 +41,8 @@ class InstallationReader {
     read_cameras();
     read_objects();
     read_scene();
-    read_views();
-    section("observe", result_.observe);
+    read_virtual_cameras();
+    section("fiducial", result_.fiducial);
     section("detect", result_.detect);
     section("points", result_.points);
     section("estimator", result_.estimator);
@@ -138,20 +71,14 @@ class InstallationReader {
   void read_overlay();
   void read_cameras();
   void read_camera(TomlTable table);
-  void read_source(TomlTable& table, CameraConfig& camera);
-  void read_recorded_source(TomlTable& table, CameraConfig& camera, const std::string& folder);
-  template <typename Options>
-  void read_live_source(TomlTable& table, CameraConfig& camera, Options& options);
-  static void refuse_other_keys(TomlTable& table, const std::vector<std::string>& own,
-                                std::string_view kind);
-  static void allow_all_source_keys(TomlTable& table);
   void check_recorded(TomlTable& table, const CameraConfig& camera);
   std::optional<CalibratedCamera> calibration_of(TomlTable& table, const std::string& name);
+  void check_scene_depth(TomlTable& table, CameraConfig& camera, bool calibrated);
   void check_size(TomlTable& table, const CameraConfig& camera, bool calibrated);
   void read_objects();
   void read_scene();
-  void read_views();
-  void read_view(TomlTable table);
+  void read_virtual_cameras();
+  void read_virtual_camera(TomlTable table);
   void read_servers();
   void read_record();
   void read_action();
@@ -196,9 +123,9 @@ void InstallationReader::read_overlay() {
 void InstallationReader::read_cameras() {
   if (!root_.require("camera", "at least one table [[camera]]")) return;
   auto tables = root_.tables("camera");
-  if (tables.size() > kMostCameras) {
+  if (tables.size() > kMaxCameras) {
     root_.problem("camera",
-                  fmt::format("{} cameras; at most {} work together", tables.size(), kMostCameras));
+                  fmt::format("{} cameras; at most {} work together", tables.size(), kMaxCameras));
     return;
   }
   for (TomlTable& table : tables) read_camera(table);
@@ -250,7 +177,7 @@ void InstallationReader::read_camera(TomlTable table) {
                       .recorded_as = name,
                       .calibration = *calibration,
                       .overlay = overlay_,
-                      .where = document_.problems().where(table.place())};
+                      .place = {document_.problems().where(table.place())}};
   SectionReader reader(table, path_, files_);
   reader.number("rate", camera.rate_hz, 0.1, 1000, "a frame rate in Hz");
   reader.choice("role", camera.role, config::kRoles);
@@ -261,107 +188,13 @@ void InstallationReader::read_camera(TomlTable table) {
     overlay->finish();
   }
   reader.file("scene_depth", camera.scene_depth);
-  reader.number("scene_depth_scale", camera.scene_depth_scale, 1e-9, 1000, "metres per unit");
-  if (!camera.scene_depth.empty()) camera.scene_depth_content = files_.content(camera.scene_depth);
-  read_source(table, camera);
+  reader.number("scene_depth_scale", camera.scene_depth_scale, 1e-9, 1000, "meters per unit");
+  check_scene_depth(table, camera, calibrated);
+  config::read_camera_source(table, path_, files_, camera);
   check_size(table, camera, calibrated);
   if (calibrated) check_recorded(table, camera);
   table.finish();
   result_.cameras.push_back(std::move(camera));
-}
-
-void InstallationReader::read_source(TomlTable& table, CameraConfig& camera) {
-  if (!table.require("source", "where its pictures come from, as in \"v4l2:/dev/v4l/by-id/...\"")) {
-    allow_all_source_keys(table);
-    return;
-  }
-  const auto source = table.text("source");
-  if (!source) {
-    allow_all_source_keys(table);
-    return;
-  }
-  const std::string& text = source->text;
-  if (text.starts_with(kReplayScheme)) {
-    read_recorded_source(table, camera, text.substr(kReplayScheme.size()));
-  } else if (is_network_address(text)) {
-    camera.source = SourceKind::kNetwork;
-    camera.network.url = text;
-    if (const auto url = check_network_url(text); !url) table.problem("source", url.error().text);
-    read_live_source(table, camera, camera.network);
-  } else if (text.starts_with(kAravisScheme)) {
-    camera.source = SourceKind::kAravis;
-    camera.aravis.id = text.substr(kAravisScheme.size());
-    if (camera.aravis.id.empty()) {
-      table.problem("source",
-                    "\"aravis:\" wants a camera behind it, as `sightline cameras` names it");
-    }
-    camera.aravis.rate_hz = camera.rate_hz;
-    read_live_source(table, camera, camera.aravis);
-  } else if (text.starts_with(kV4l2Scheme)) {
-    camera.source = SourceKind::kV4l2;
-    camera.v4l2.device = text.substr(kV4l2Scheme.size());
-    if (camera.v4l2.device.empty()) {
-      table.problem("source",
-                    "\"v4l2:\" wants a camera behind it, as `sightline cameras` names it");
-    }
-    camera.v4l2.rate_hz = camera.rate_hz;
-    read_live_source(table, camera, camera.v4l2);
-  } else if (text.starts_with(kLibcameraScheme)) {
-    camera.source = SourceKind::kLibcamera;
-    camera.libcamera.id = text.substr(kLibcameraScheme.size());
-    if (camera.libcamera.id.empty()) {
-      table.problem("source",
-                    "\"libcamera:\" wants a camera behind it, as `sightline cameras` names it");
-    }
-    camera.libcamera.rate_hz = camera.rate_hz;
-    read_live_source(table, camera, camera.libcamera);
-  } else {
-    allow_all_source_keys(table);
-    // What has an @ may hold a password.
-    const bool quotable = text.find('@') == std::string::npos;
-    table.problem("source", fmt::format("{} is no source; known: replay:FOLDER (a recording), "
-                                        "v4l2:DEVICE, aravis:ID, libcamera:ID, rtsp://ADDRESS, "
-                                        "http://ADDRESS",
-                                        quotable ? "\"" + text.substr(0, 200) + "\"" : "this"));
-  }
-}
-
-void InstallationReader::read_recorded_source(TomlTable& table, CameraConfig& camera,
-                                              const std::string& folder) {
-  SectionReader reader(table, path_, files_);
-  reader.flag("loop", camera.loop);
-  reader.text("recorded_as", camera.recorded_as);
-  if (folder.empty()) {
-    table.problem("source", "\"replay:\" wants the folder of a recording behind it");
-  } else {
-    camera.recording = config::resolve(path_, folder);
-  }
-  refuse_other_keys(table, {"loop", "recorded_as"}, "a recording");
-}
-
-/// The size is the calibration's: a picture of another one could not be drawn into.
-template <typename Options>
-void InstallationReader::read_live_source(TomlTable& table, CameraConfig& camera,
-                                          Options& options) {
-  SectionReader reader(table, path_, files_);
-  config::visit(reader, options);
-  options.width = camera.calibration.model.width();
-  options.height = camera.calibration.model.height();
-  refuse_other_keys(table, keys_of<Options>(), "this kind of source");
-}
-
-void InstallationReader::refuse_other_keys(TomlTable& table, const std::vector<std::string>& own,
-                                           std::string_view kind) {
-  for (const std::string& key : all_source_keys()) {
-    if (std::find(own.begin(), own.end(), key) == own.end()) {
-      table.refuse(key, fmt::format("is not for {}", kind));
-    }
-  }
-}
-
-// Which keys fit cannot be said while the source is wrong.
-void InstallationReader::allow_all_source_keys(TomlTable& table) {
-  for (const std::string& key : all_source_keys()) table.allow(key);
 }
 
 void InstallationReader::check_size(TomlTable& table, const CameraConfig& camera, bool calibrated) {
@@ -380,6 +213,25 @@ void InstallationReader::check_size(TomlTable& table, const CameraConfig& camera
     table.problem("name", fmt::format("a camera that is streamed has even width and height; \"{}\" "
                                       "is {}x{}",
                                       camera.name, lens.width(), lens.height()));
+  }
+}
+
+void InstallationReader::check_scene_depth(TomlTable& table, CameraConfig& camera,
+                                           bool calibrated) {
+  if (camera.scene_depth.empty() || !files_.is_file(camera.scene_depth)) return;
+  camera.scene_depth_content = files_.content(camera.scene_depth);
+  const auto size = files_.depth_image_size(camera.scene_depth);
+  if (!size) {
+    table.problem("scene_depth",
+                  fmt::format("cannot use this depth image\n  {}", size.error().message()),
+                  size.error().code);
+    return;
+  }
+  const CameraModel& lens = camera.calibration.model;
+  if (calibrated && (size->width != lens.width() || size->height != lens.height())) {
+    table.problem("scene_depth", fmt::format("{} is {}x{}, the calibration of \"{}\" {}x{}",
+                                             camera.scene_depth.string(), size->width, size->height,
+                                             camera.name, lens.width(), lens.height()));
   }
 }
 
@@ -437,8 +289,8 @@ void InstallationReader::read_action() {
 void InstallationReader::read_objects() {
   std::map<std::string, unsigned> lines;
   auto tables = root_.tables("object");
-  if (tables.size() > kMostObjects) {
-    root_.problem("object", fmt::format("{} objects; at most {}", tables.size(), kMostObjects));
+  if (tables.size() > kMaxObjects) {
+    root_.problem("object", fmt::format("{} objects; at most {}", tables.size(), kMaxObjects));
     return;
   }
   for (TomlTable& table : tables) {
@@ -458,10 +310,12 @@ void InstallationReader::read_objects() {
           uint64_t content = files_.content(path) * 31 + files_.content(object->mesh);
           if (!object->features.empty()) content = content * 31 + files_.content(object->features);
           result_.objects.push_back(
-              {*std::move(object), content, document_.problems().where(table.place())});
+              {*std::move(object), content, {document_.problems().where(table.place())}});
+          config::read_start(table, result_.objects.back());
         }
       }
     }
+    table.allow("start");
     table.finish();
   }
 }
@@ -493,17 +347,17 @@ void InstallationReader::read_scene() {
   table->finish();
 }
 
-void InstallationReader::read_views() {
-  for (TomlTable& table : root_.tables("view")) read_view(table);
+void InstallationReader::read_virtual_cameras() {
+  for (TomlTable& table : root_.tables("virtual_camera")) read_virtual_camera(table);
 }
 
-void InstallationReader::read_view(TomlTable table) {
-  ViewConfig view{
+void InstallationReader::read_virtual_camera(TomlTable table) {
+  VirtualCameraConfig view{
       .name = {},
       .point = {},
-      .overlay = free_view_style(overlay_),
+      .overlay = virtual_camera_style(overlay_),
       .view = {"", *CameraModel::create({.width = 2, .height = 2, .fx = 1, .fy = 1}, ""), {}},
-      .where = document_.problems().where(table.place())};
+      .place = {document_.problems().where(table.place())}};
   SectionReader reader(table, path_, files_);
   config::visit(reader, view);
   if (auto overlay = table.table("overlay")) {
@@ -511,7 +365,7 @@ void InstallationReader::read_view(TomlTable table) {
     config::visit(overlay_reader, view.overlay);
     overlay->finish();
   }
-  if (table.require("name", "the name of the view's stream")) {
+  if (table.require("name", "the name of its stream")) {
     if (const auto text = table.text("name")) {
       view.name = text->text;
       const std::string_view fault = config::camera_name_fault(view.name);
@@ -519,21 +373,22 @@ void InstallationReader::read_view(TomlTable table) {
       if (!fault.empty()) {
         table.problem("name", fault);
       } else if (!is_new) {
-        table.problem("name", fmt::format("there is a camera or view \"{}\" already, in line {}",
-                                          view.name, first->second));
+        table.problem("name",
+                      fmt::format("there is a camera or virtual camera \"{}\" already, in line {}",
+                                  view.name, first->second));
       }
     }
   }
   std::vector<CalibratedCamera> cameras;
   for (const CameraConfig& camera : result_.cameras) cameras.push_back(camera.calibration);
-  auto made = make_view_camera(view.point, cameras, view.name, view.where);
+  auto made = make_view_camera(view.point, cameras, view.name, view.place.text);
   if (made) {
     view.view = *std::move(made);
   } else {
-    document_.problems().add(table.place(), "view: " + made.error().text);
+    document_.problems().add(table.place(), "virtual_camera: " + made.error().text);
   }
   table.finish();
-  result_.views.push_back(std::move(view));
+  result_.virtual_cameras.push_back(std::move(view));
 }
 
 void InstallationReader::read_servers() {
@@ -551,7 +406,8 @@ void InstallationReader::read_servers() {
         "other hosts could reach it, and there is no password: say allow_remote = true "
         "if that is meant");
   }
-  if (result_.rtsp.enabled && result_.http.enabled && result_.rtsp.server.port == http.port) {
+  const bool same = http.port != 0 && result_.rtsp.server.port == http.port;
+  if (result_.rtsp.enabled && result_.http.enabled && same) {
     const bool named = root_.has("http");
     (named ? *root_.table("http") : *root_.table("rtsp"))
         .problem("port", fmt::format("{} is used by [rtsp] and by [http]", http.port));

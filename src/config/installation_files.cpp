@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "sightline/base/files.hpp"
@@ -6,6 +8,7 @@
 #include "sightline/config/installation.hpp"
 #include "sightline/config/object_file.hpp"
 #include "sightline/record/recording.hpp"
+#include "sightline/record/still_image.hpp"
 
 namespace sightline {
 namespace {
@@ -29,6 +32,11 @@ Result<std::vector<RecordedCameraEntry>> recorded_cameras(const fs::path& folder
   return cameras;
 }
 
+Result<ImageSize> size_of_depth_image(const fs::path& path) {
+  SL_ASSIGN(const DepthImage image, read_depth_image(path, 1.0));
+  return ImageSize{image.width, image.height};
+}
+
 bool file_exists(const fs::path& path) {
   std::error_code code;
   return fs::is_regular_file(path, code);
@@ -39,9 +47,15 @@ bool directory_exists(const fs::path& path) {
   return fs::is_directory(path, code);
 }
 
+// Of a file that is too large to be read whole: size and time of its last change.
 uint64_t content_of(const fs::path& path) {
-  const auto content = read_file(path);
-  return content ? content_hash(*content) : 0;
+  if (const auto content = read_file(path)) return content_hash(*content);
+  std::error_code code;
+  const auto size = fs::file_size(path, code);
+  if (code) return 0;
+  const auto changed = fs::last_write_time(path, code);
+  if (code) return 0;
+  return content_hash(fmt::format("{} {}", size, changed.time_since_epoch().count()));
 }
 
 // Checks one camera of the recording against the calibration beside it.
@@ -67,7 +81,7 @@ Result<CameraConfig> camera_of(const RecordingManifest::Camera& recorded, const 
                       .loop = false,
                       .calibration = *calibrated,
                       .overlay = {},
-                      .where = where};
+                      .place = {where}};
 }
 
 }  // namespace
@@ -77,6 +91,7 @@ InstallationFiles InstallationFiles::on_disk() {
   files.calibration = &read_calibration;
   files.object = &read_object_file;
   files.recording = &recorded_cameras;
+  files.depth_image_size = &size_of_depth_image;
   files.is_file = &file_exists;
   files.is_directory = &directory_exists;
   files.content = &content_of;
@@ -85,7 +100,10 @@ InstallationFiles InstallationFiles::on_disk() {
 
 Result<Installation> read_installation(const fs::path& path) {
   SL_ASSIGN(const std::string text, read_file(path, kLargestText));
-  return parse_installation(text, path, InstallationFiles::on_disk());
+  SL_ASSIGN(Installation installation,
+            parse_installation(text, path, InstallationFiles::on_disk()));
+  installation.content = fmt::format("{:016x}", content_hash(text));
+  return installation;
 }
 
 Result<Installation> recording_installation(const fs::path& folder) {
@@ -111,7 +129,7 @@ Result<Installation> recording_installation(const fs::path& folder) {
     }
     uint64_t content = content_of(path) * 31 + content_of(object.mesh);
     if (!object.features.empty()) content = content * 31 + content_of(object.features);
-    installation.objects.push_back({std::move(object), content, path.string()});
+    installation.objects.push_back({std::move(object), content, {path.string()}});
   }
   if (manifest.scene) {
     installation.scene.meshes = {folder / *manifest.scene};

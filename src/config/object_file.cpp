@@ -8,10 +8,10 @@
 #include <numbers>
 #include <set>
 
-#include "names.hpp"
+#include "config/names.hpp"
+#include "config/toml_reader.hpp"
 #include "sightline/base/files.hpp"
-#include "sightline/observe/fiducial_observer.hpp"
-#include "toml_reader.hpp"
+#include "sightline/observe/fiducial/fiducial_observer.hpp"
 
 namespace sightline {
 namespace {
@@ -21,10 +21,10 @@ using config::TomlTable;
 
 constexpr double kSmallestMarker = 1e-3;  // [m]
 constexpr double kLargestMarker = 10;     // [m]
-constexpr std::string_view kMeters = "a length in metres";
+constexpr std::string_view kMeters = "a length in meters";
 
 std::optional<double> length(TomlTable& table, std::string_view key) {
-  if (!table.require(key, "a length in metres, as in 0.05")) return std::nullopt;
+  if (!table.require(key, "a length in meters, as in 0.05")) return std::nullopt;
   return table.number(key, kSmallestMarker, kLargestMarker, kMeters);
 }
 
@@ -65,30 +65,30 @@ void read_symmetry(TomlTable& root, ObjectDescription& object) {
   }
 }
 
-bool* cue_flag(Cues& cues, std::string_view name) {
-  if (name == "fiducial") return &cues.fiducial;
-  if (name == "region") return &cues.region;
-  if (name == "edge") return &cues.edge;
-  if (name == "texture") return &cues.texture;
+bool* modality_flag(Modalities& modalities, std::string_view name) {
+  if (name == "fiducial") return &modalities.fiducial;
+  if (name == "region") return &modalities.region;
+  if (name == "edge") return &modalities.edge;
+  if (name == "texture") return &modalities.texture;
   return nullptr;
 }
 
 // Without the key: markers alone where there are any, else the object's look.
-void read_cues(TomlTable& root, ObjectDescription& object) {
+void read_modalities(TomlTable& root, ObjectDescription& object) {
   const bool marked = object.board.has_value() || !object.fiducials.empty();
-  const auto names = root.texts("cues");
+  const auto names = root.texts("modalities");
   if (!names) {
-    object.cues = {marked, !marked, !marked, !marked};
+    object.modalities = {marked, !marked, !marked, !marked};
     return;
   }
-  object.cues = {false, false, false, false};
+  object.modalities = {false, false, false, false};
   for (const PlacedText& name : *names) {
-    bool* const flag = cue_flag(object.cues, name.text);
+    bool* const flag = modality_flag(object.modalities, name.text);
     if (flag != nullptr) {
       *flag = true;
     } else {
       root.problem(
-          "cues",
+          "modalities",
           fmt::format("\"{}\" is not known; known: fiducial, region, edge, texture", name.text));
     }
   }
@@ -107,7 +107,7 @@ Fiducial read_fiducial(TomlTable table, const std::vector<std::string>& families
     fiducial.id = static_cast<int>(id.value_or(0));
   }
   fiducial.size = length(table, "size").value_or(kSmallestMarker);
-  if (table.require("object_from_fiducial", "4 rows of 4 numbers, metres")) {
+  if (table.require("object_from_fiducial", "4 rows of 4 numbers, meters")) {
     if (const auto matrix = table.matrix("object_from_fiducial")) {
       auto pose = Rigid3::from_matrix(*matrix, "");
       if (pose) {
@@ -200,7 +200,7 @@ void read_features_entry(TomlTable& root, const std::filesystem::path& path,
   if (is_file(object.features)) return;
   root.problem(
       "features",
-      fmt::format("there is no file {} (sightline teach makes it)", object.features.string()),
+      fmt::format("there is no file {} (sightline train makes it)", object.features.string()),
       ErrorCode::kNotFound);
 }
 
@@ -225,23 +225,25 @@ Result<ObjectDescription> parse_object_file(
   read_symmetry(root, object);
   read_fiducials(root, object);
   read_board(root, object);
-  read_cues(root, object);
+  read_modalities(root, object);
   root.finish();
   if (!document.problems().empty()) return document.problems().error();
   return object;
 }
 
-Result<Cues> parse_cues(const std::vector<std::string>& names, const std::string& where) {
-  Cues cues{false, false, false, false};
+Result<Modalities> parse_modalities(const std::vector<std::string>& names,
+                                    const std::string& where) {
+  Modalities modalities{false, false, false, false};
   for (const std::string& name : names) {
-    bool* const flag = cue_flag(cues, name);
+    bool* const flag = modality_flag(modalities, name);
     if (flag == nullptr) {
       return make_error(ErrorCode::kInvalidInput, where,
-                        "there is no cue \"{}\"; known: fiducial, region, edge, texture", name);
+                        "there is no modality \"{}\"; known: fiducial, region, edge, texture",
+                        name);
     }
     *flag = true;
   }
-  return cues;
+  return modalities;
 }
 
 Result<ObjectDescription> read_object_file(const std::filesystem::path& path) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "section_reader.hpp"
+#include "config/section_reader.hpp"
 
 #include <algorithm>
 #include <charconv>
@@ -75,7 +75,7 @@ void SectionReader::color(std::string_view key, Rgb& field) {
   if (const auto color = parse_color(value->text)) {
     field = *color;
   } else {
-    table_.problem(key, fmt::format("expected a colour as \"#rrggbb\", found \"{}\"", value->text));
+    table_.problem(key, fmt::format("expected a color as \"#rrggbb\", found \"{}\"", value->text));
   }
 }
 

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "names.hpp"
-#include "sections.hpp"
-#include "toml_reader.hpp"
+#include "config/names.hpp"
+#include "config/sections.hpp"
+#include "config/toml_reader.hpp"
 
 namespace sightline::config {
 

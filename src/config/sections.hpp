@@ -9,8 +9,8 @@
 
 namespace sightline::config {
 
-// The keys of each section, once: the reader fills the fields from a table, the printer writes them
-// down so that compare() sees every key that exists. Numbers carry range and unit for messages.
+// The keys of each section, once: SectionReader fills the fields from a table. Numbers carry range
+// and unit for messages.
 
 template <typename Value, size_t kCount>
 using Choices = std::array<std::pair<std::string_view, Value>, kCount>;
@@ -133,7 +133,7 @@ void visit(Visitor& v, RenderOptions& s) {
 }
 
 template <typename Visitor>
-void visit(Visitor& v, ViewConfig& s) {
+void visit(Visitor& v, VirtualCameraConfig& s) {
   v.integer("width", s.point.width, 16, 8192, "a whole number of pixels");
   v.integer("height", s.point.height, 16, 8192, "a whole number of pixels");
   v.number("rate", s.rate_hz, 0.1, 120, "a frame rate in Hz");
@@ -141,7 +141,7 @@ void visit(Visitor& v, ViewConfig& s) {
   v.point("target", s.point.target);
   v.direction("up", s.point.up);
   v.number("fov_deg", s.point.fov_deg, 5, 150, "an angle in degrees");
-  v.number("grid_m", s.grid_m, 0, 1000, "a length in metres (0: what fits)");
+  v.number("grid_m", s.grid_m, 0, 1000, "a length in meters (0: what fits)");
 }
 
 template <typename Visitor>
@@ -156,8 +156,9 @@ template <typename Visitor>
 void visit(Visitor& v, DetectConfig& s) {
   v.flag("enabled", s.enabled);
   v.seconds("interval", s.interval, 0.01, 60);
-  v.number("nearest_m", s.detector.nearest, 0.01, 1000, "a distance in metres");
-  v.number("farthest_m", s.detector.farthest, 0.01, 1000, "a distance in metres");
+  v.number("max_load", s.max_load, 0.01, 1, "a share of one core");
+  v.number("nearest_m", s.detector.nearest, 0.01, 1000, "a distance in meters");
+  v.number("farthest_m", s.detector.farthest, 0.01, 1000, "a distance in meters");
   v.number("accept", s.detector.accept, 0.05, 10, "an evidence");
   v.flag("silhouettes", s.silhouettes);
   v.seconds("learn", s.background.learn, 0.1, 60);
@@ -178,7 +179,7 @@ void visit(Visitor& v, EstimatorOptions& s) {
            "an acceleration noise in rad/s^2/sqrt(Hz)");
   v.number("gate_probability", s.gate_probability, 0.9, 0.999999, "a probability");
   v.flag("one_camera_is_degraded", s.one_camera_is_degraded);
-  v.number("max_sigma_m", s.max_sigma_translation, 1e-5, 1, "a length in metres");
+  v.number("max_sigma_m", s.max_sigma_translation, 1e-5, 1, "a length in meters");
   v.number("max_sigma_rad", s.max_sigma_rotation, 1e-4, 1, "an angle in radians");
 }
 
@@ -186,13 +187,15 @@ template <typename Visitor>
 void visit(Visitor& v, RtspConfig& s) {
   v.flag("enabled", s.enabled);
   v.text("address", s.server.address);
-  v.integer("port", s.server.port, 1, 65535, "a port number");
+  v.integer("port", s.server.port, 0, 65535, "a port number");
   v.integer("max_clients", s.server.max_clients, 1, 10000, "a whole number of viewers");
+  v.integer("max_clients_per_address", s.server.max_clients_per_address, 0, 10000,
+            "a whole number of viewers (0: three quarters of max_clients)");
 }
 
 template <typename Visitor>
 void visit(Visitor& v, EncoderOptions& s) {
-  v.integer("bitrate_kbps", s.bitrate_kbps, 0, 200000, "a bit rate in kbit/s (0: by picture size)");
+  v.integer("bitrate_kbps", s.bitrate_kbps, 0, 200000, "a bit rate in kbit/s (0: by image size)");
   v.integer("keyframe_interval", s.keyframe_interval, 1, 10000, "a whole number of frames");
   v.encoders("prefer", s.prefer);
 }
@@ -201,7 +204,7 @@ template <typename Visitor>
 void visit(Visitor& v, HttpConfig& s) {
   v.flag("enabled", s.enabled);
   v.text("address", s.server.address);
-  v.integer("port", s.server.port, 1, 65535, "a port number");
+  v.integer("port", s.server.port, 0, 65535, "a port number");
   v.flag("allow_remote", s.server.allow_remote);
 }
 

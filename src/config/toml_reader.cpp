@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "toml_reader.hpp"
+#include "config/toml_reader.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -10,10 +10,12 @@
 #include <map>
 #include <set>
 
+#include "sightline/base/toml_nesting.hpp"
+
 namespace sightline::config {
 namespace {
 
-constexpr size_t kMostProblems = 50;
+constexpr size_t kMaxProblems = 50;
 constexpr size_t kLongestQuote = 60;
 
 Place place_of(const toml::source_region& region) {
@@ -63,7 +65,7 @@ bool is_clean(const std::string& text) { return text.find('\0') == std::string::
 
 const toml::node& as_node(const void* p) { return *static_cast<const toml::node*>(p); }
 
-// Optimal string alignment: insertions, deletions, substitutions and swaps of neighbours.
+// Optimal string alignment: insertions, deletions, substitutions and swaps of neighbors.
 size_t edit_distance(std::string_view a, std::string_view b) {
   std::vector<std::vector<size_t>> d(a.size() + 1, std::vector<size_t>(b.size() + 1));
   for (size_t i = 0; i <= a.size(); ++i) d[i][0] = i;
@@ -97,11 +99,11 @@ Error Problems::error() const {
     return std::pair(a.place.line, a.place.column) < std::pair(b.place.line, b.place.column);
   });
   Error error{sorted[0].code, sorted[0].text, where(sorted[0].place)};
-  for (size_t i = 1; i < std::min(sorted.size(), kMostProblems); ++i) {
+  for (size_t i = 1; i < std::min(sorted.size(), kMaxProblems); ++i) {
     error.text += fmt::format("\n{}: {}", where(sorted[i].place), sorted[i].text);
   }
-  if (sorted.size() > kMostProblems) {
-    error.text += fmt::format("\nand {} more", sorted.size() - kMostProblems);
+  if (sorted.size() > kMaxProblems) {
+    error.text += fmt::format("\nand {} more", sorted.size() - kMaxProblems);
   }
   return error;
 }
@@ -142,6 +144,11 @@ const void* TomlTable::find(std::string_view key) {
 
 bool TomlTable::has(std::string_view key) const {
   return as_node(table_).as_table()->contains(key);
+}
+
+bool TomlTable::is_text(std::string_view key) const {
+  const toml::node* node = as_node(table_).as_table()->get(key);
+  return node != nullptr && node->is_string();
 }
 
 std::vector<std::string> TomlTable::keys() const {
@@ -273,7 +280,7 @@ std::optional<std::vector<double>> TomlTable::numbers(std::string_view key, size
   return numbers;
 }
 
-std::optional<Eigen::Matrix4d> TomlTable::matrix(std::string_view key) {
+std::optional<Eigen::Matrix4d> TomlTable::matrix(std::string_view key, std::string_view wanted) {
   const void* node = find(key);
   if (node == nullptr) return std::nullopt;
   const toml::array* rows = as_node(node).as_array();
@@ -285,7 +292,7 @@ std::optional<Eigen::Matrix4d> TomlTable::matrix(std::string_view key) {
     if (good) matrix.row(static_cast<int>(i)) = Eigen::Map<const Eigen::RowVector4d>(row->data());
   }
   if (good) return matrix;
-  mistyped(key, node, "4 rows of 4 finite numbers");
+  mistyped(key, node, wanted);
   return std::nullopt;
 }
 
@@ -335,6 +342,7 @@ TomlDocument::~TomlDocument() = default;
 TomlDocument::TomlDocument(TomlDocument&&) noexcept = default;
 
 Result<TomlDocument> TomlDocument::parse(std::string_view text, const std::string& file) {
+  SL_RETURN_IF_ERROR(check_toml_nesting(text, file));
   auto state = std::make_unique<TomlTable::State>(file);
   try {
     state->root = toml::parse(text);

@@ -56,6 +56,7 @@ class TomlTable {
   /// Of the value; of the table if there is none.
   Place place(std::string_view key) const;
   bool has(std::string_view key) const;
+  bool is_text(std::string_view key) const;
   /// All keys of this table, in the order of the alphabet.
   std::vector<std::string> keys() const;
 
@@ -73,8 +74,9 @@ class TomlTable {
   std::optional<std::vector<PlacedText>> texts(std::string_view key);
   /// Exactly `count` finite numbers.
   std::optional<std::vector<double>> numbers(std::string_view key, size_t count);
-  /// Four rows of four numbers.
-  std::optional<Eigen::Matrix4d> matrix(std::string_view key);
+  /// Four rows of four numbers; `wanted` stands in the message.
+  std::optional<Eigen::Matrix4d> matrix(std::string_view key,
+                                        std::string_view wanted = "4 rows of 4 finite numbers");
   std::optional<TomlTable> table(std::string_view key);
   std::vector<TomlTable> tables(std::string_view key);
 

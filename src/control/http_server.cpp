@@ -2,15 +2,20 @@
 #include "sightline/control/http_server.hpp"
 
 #include <microhttpd.h>
+#include <strings.h>
 
-#include <algorithm>
 #include <exception>
 #include <string_view>
 
-#include "listen_socket.hpp"
+#include "control/connection_loop.hpp"
+#include "control/host_name.hpp"
+#include "control/listen_socket.hpp"
 #include "sightline/base/log.hpp"
 
 namespace sightline {
+
+using namespace control;
+
 namespace {
 
 struct Reply {
@@ -23,20 +28,18 @@ Reply text_reply(unsigned status, std::string text) {
   return {status, "text/plain; charset=utf-8", std::move(text) + "\n"};
 }
 
-/// True for a Host header that names this machine's loopback. A page of another site that a browser
-/// was talked into resolving to 127.0.0.1 (DNS rebinding) does not.
-bool names_loopback(std::string_view host) {
-  if (host.starts_with("[::1]")) return true;
-  host = host.substr(0, host.find(':'));
-  return host == "localhost" ||
-         (host.starts_with("127.") && std::all_of(host.begin(), host.end(), [](char c) {
-            return c == '.' || (c >= '0' && c <= '9');
-          }));
+// Each of them, should there be several: which one another reader takes is its own affair.
+bool only_loopback_named(MHD_Connection* connection) {
+  bool good = true;
+  const auto look = [](void* all_good, MHD_ValueKind, const char* key, const char* value) {
+    if (strcasecmp(key, MHD_HTTP_HEADER_HOST) == 0 && !names_loopback(value ? value : "")) {
+      *static_cast<bool*>(all_good) = false;
+    }
+    return MHD_YES;
+  };
+  MHD_get_connection_values(connection, MHD_HEADER_KIND, look, &good);
+  return good;
 }
-
-struct StopDaemon {
-  void operator()(MHD_Daemon* daemon) const { MHD_stop_daemon(daemon); }
-};
 
 MHD_Result send(MHD_Connection* connection, const Reply& reply) {
   MHD_Response* response = MHD_create_response_from_buffer(
@@ -59,7 +62,7 @@ struct HttpServer::Impl {
   HttpContent content;
   bool loopback = true;
   uint16_t port = 0;
-  std::unique_ptr<MHD_Daemon, StopDaemon> daemon;  ///< last: stops before the rest goes
+  std::unique_ptr<ConnectionLoop> loop;  ///< last: ends before the rest goes
 
   Reply answer(std::string_view path) const;
   Reply checked_answer(MHD_Connection* connection, std::string_view path) const;
@@ -83,8 +86,7 @@ Reply HttpServer::Impl::answer(std::string_view path) const {
 }
 
 Reply HttpServer::Impl::checked_answer(MHD_Connection* connection, std::string_view path) const {
-  const char* host = MHD_lookup_connection_value(connection, MHD_HEADER_KIND, MHD_HTTP_HEADER_HOST);
-  if (loopback && host != nullptr && !names_loopback(host)) {
+  if (loopback && !only_loopback_named(connection)) {
     return text_reply(MHD_HTTP_FORBIDDEN, "this server answers to localhost only");
   }
   try {
@@ -129,20 +131,12 @@ Result<std::unique_ptr<HttpServer>> HttpServer::create(const HttpOptions& option
                           void** progress) {
     return static_cast<Impl*>(self)->handle(connection, url, method, upload_size, progress);
   };
-  const auto timeout = std::chrono::duration_cast<std::chrono::seconds>(options.timeout).count();
-  impl->daemon.reset(
-      MHD_start_daemon(MHD_USE_EPOLL_INTERNAL_THREAD, 0, nullptr, nullptr, +handler, impl.get(),
-                       MHD_OPTION_LISTEN_SOCKET, socket.fd.get(), MHD_OPTION_CONNECTION_LIMIT,
-                       options.max_connections, MHD_OPTION_CONNECTION_TIMEOUT,
-                       static_cast<unsigned>(std::max<int64_t>(1, timeout)), MHD_OPTION_END));
-  // The library closes the socket when it stops, and when it does not start.
-  socket.fd.release();
-  if (!impl->daemon) {
-    return make_error(ErrorCode::kInternal, "http", "the HTTP server on {} port {} does not start",
-                      options.address, impl->port);
-  }
+  SL_ASSIGN(impl->loop,
+            ConnectionLoop::create(std::move(socket.fd), options, +handler, impl.get()));
   return std::unique_ptr<HttpServer>(new HttpServer(std::move(impl)));
 }
+
+void HttpServer::run(std::stop_token stop) { impl_->loop->run(std::move(stop)); }
 
 uint16_t HttpServer::port() const { return impl_->port; }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "listen_socket.hpp"
+#include "control/listen_socket.hpp"
 
 #include <arpa/inet.h>
 #include <netinet/in.h>
@@ -9,7 +9,7 @@
 #include <cstring>
 #include <optional>
 
-namespace sightline {
+namespace sightline::control {
 namespace {
 
 struct Address {
@@ -76,17 +76,18 @@ Result<ListenSocket> open_listen_socket(const std::string& address, uint16_t por
   }
   ListenSocket result;
   result.loopback = parsed->loopback;
-  result.fd = UniqueFd(socket(parsed->storage.ss_family, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  result.fd =
+      UniqueFd(socket(parsed->storage.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   if (!result.fd.is_open()) return bind_error(errno, address, port);
   const int on = 1;
   setsockopt(result.fd.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof(on));
   if (bind(result.fd.get(), reinterpret_cast<const sockaddr*>(&parsed->storage), parsed->length) !=
           0 ||
-      listen(result.fd.get(), 16) != 0) {
+      listen(result.fd.get(), SOMAXCONN) != 0) {
     return bind_error(errno, address, port);
   }
   result.port = port_of(result.fd.get());
   return result;
 }
 
-}  // namespace sightline
+}  // namespace sightline::control

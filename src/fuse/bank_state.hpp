@@ -3,8 +3,8 @@
 
 #include <array>
 
-#include "sightline/model/lookalikes.hpp"
 #include "sightline/model/pose_track.hpp"
+#include "sightline/model/shape_symmetry.hpp"
 
 namespace sightline::fuse {
 
@@ -23,8 +23,9 @@ struct MotionMemory {
   Vector6 before = Vector6::Zero();
 };
 
-/// Costs (-log probability) of the poses that look alike; the hypothesis' own pose first.
-using TurnCosts = std::array<double, Lookalikes::kMost + 1>;
+/// Costs (-log probability) of the poses that the shape cannot tell apart; the hypothesis' own pose
+/// first.
+using SymmetryCosts = std::array<double, ShapeSymmetry::kMax + 1>;
 
 /// One pose that the object may have, with its filter state.
 struct Hypothesis {
@@ -36,7 +37,7 @@ struct Hypothesis {
   /// Inverse covariance of the part of the error that does not average out over frames
   /// (calibration): of the cameras that hold the object. Zero: unknown.
   Matrix6 systematic_information = Matrix6::Zero();
-  TurnCosts turn_costs{};  ///< see AlikePoses
+  SymmetryCosts symmetry_costs{};  ///< see SymmetricHypotheses
   /// Contradicts the hypothesis in force and has to prove itself before it is published.
   bool challenger = false;
 };
@@ -48,27 +49,30 @@ struct Agreement {
   double expected = 0;
 };
 
-/// How far a camera's own pose lies from the prediction, in world axes about the object's origin:
-/// information times offset, and the information.
-struct Pull {
-  Eigen::Matrix<float, 6, 1> force = Eigen::Matrix<float, 6, 1>::Zero();
+/// A camera's innovation in information form: how far its own pose lies from the prediction, in
+/// world axes about the object's origin, as information times offset, and the information.
+struct InformationInnovation {
+  Eigen::Matrix<float, 6, 1> vector = Eigen::Matrix<float, 6, 1>::Zero();
   Eigen::Matrix<float, 6, 6> information = Eigen::Matrix<float, 6, 6>::Zero();
 };
 
 /// What is remembered of one camera.
 struct CameraRecord {
-  Time last_look{};
+  Time last_observation{};
   Duration period{0};       ///< of its frames, smoothed; 0: unknown
   double scale = 1.0;       ///< smoothed chi-square per residual of its measurements
-  double systematic = 1.0;  ///< learned: see Voter::systematic
+  double systematic = 1.0;  ///< learned: see CameraMeasurement::systematic
   double unproven = 1.0;    ///< share of the largest systematic variance that it may still have
-  Pull pull;                ///< fading mean
-  double pull_square = 0;   ///< fading mean of its squared size, see SteadyPull
-  double pulls = 0;         ///< looks in it, up to its memory
+  InformationInnovation mean_innovation;  ///< fading mean, see innovation_bias.hpp
+  double innovation_power = 0;            ///< fading mean of its squared norm
+  double innovations = 0;                 ///< frames in both, up to their memory
   bool known = false;
-  bool seen = false;     ///< accepted at its last look
-  bool refused = false;  ///< contradicted at its last look
+  bool seen = false;     ///< accepted in its last frame
+  bool refused = false;  ///< gated in its last frame
 };
+
+/// Where a camera's entries are in arrays of 64.
+constexpr size_t camera_slot(CameraId camera) { return camera.index() & 63u; }
 
 /// Everything the estimator knows after a set. A value: late sets restore an older one.
 struct BankState {
@@ -78,8 +82,8 @@ struct BankState {
   std::array<CameraRecord, 64> cameras;
   CameraSet known = 0;
   PoseEstimate published;
-  /// What cameras pull apart steadily, as a share of the largest systematic variance.
-  double steady = 0;
+  /// Bias between the cameras' innovations, as a share of the largest systematic variance.
+  double bias_share = 0;
   bool found_before = false;  ///< published.last_measured means something
 
   // Of the last set alone.
@@ -87,17 +91,6 @@ struct BankState {
   int iterations = 0;
   bool started = false;
   bool reset = false;
-};
-
-/// One possible continuation of the bank after a set.
-struct Outcome {
-  Hypothesis hypothesis;
-  CameraSet accepted = 0;
-  CameraSet gated = 0;
-  int iterations = 0;
-  std::array<double, 64> normalized_cost{};
-  std::array<Agreement, 64> agreement{};
-  std::array<Pull, 64> pulls{};
 };
 
 }  // namespace sightline::fuse

@@ -6,16 +6,16 @@
 #include <cmath>
 #include <utility>
 
-#include "history.hpp"
-#include "hypothesis_bank.hpp"
-#include "set_ring.hpp"
-#include "track_state.hpp"
+#include "fuse/bank/hypothesis_bank.hpp"
+#include "fuse/bank/track_state.hpp"
+#include "fuse/history.hpp"
+#include "fuse/out_of_sequence_buffer.hpp"
 
 namespace sightline {
 
 using fuse::BankState;
-using fuse::RingEntry;
-using fuse::SetRing;
+using fuse::BufferedSet;
+using fuse::OutOfSequenceBuffer;
 
 namespace {
 
@@ -69,63 +69,63 @@ Status check(const EstimatorOptions& o) {
 }  // namespace
 
 struct ObjectEstimator::Impl {
-  Impl(const EstimatorOptions& chosen, ObjectId id, const Lookalikes& lookalikes)
+  Impl(const EstimatorOptions& chosen, ObjectId id, const ShapeSymmetry& shape_symmetry)
       : options(chosen),
         object(id),
-        bank(chosen, id, lookalikes),
+        bank(chosen, id, shape_symmetry),
         initial(bank.nothing_known()),
-        ring(chosen.ring, chosen.ring_capacity, initial),
+        buffer(chosen.ring, chosen.ring_capacity, initial),
         history(chosen.history) {}
 
   const BankState& newest() const {
-    return ring.empty() ? initial : ring.entry(ring.size() - 1).after;
+    return buffer.empty() ? initial : buffer.entry(buffer.size() - 1).after;
   }
   void replay_from(size_t index);
-  void count(const RingEntry& entry);
+  void count(const BufferedSet& entry);
   PoseTrackPtr build_track() const;
 
   EstimatorOptions options;
   ObjectId object;
   fuse::HypothesisBank bank;
   BankState initial;
-  SetRing ring;
-  fuse::History history;  ///< of sets that left the ring
+  OutOfSequenceBuffer buffer;
+  fuse::History history;  ///< of sets that left the buffer
   EstimatorCounters counters;
   Time now = Time::min();
   mutable PoseTrackPtr track;
 };
 
 void ObjectEstimator::Impl::replay_from(size_t index) {
-  for (size_t i = index; i < ring.size(); ++i) {
-    RingEntry& entry = ring.entry(i);
-    bank.step(ring.before(i), entry.time, entry.set(), entry.after);
+  for (size_t i = index; i < buffer.size(); ++i) {
+    BufferedSet& entry = buffer.entry(i);
+    bank.step(buffer.before(i), entry.time, entry.set(), entry.after);
   }
 }
 
-void ObjectEstimator::Impl::count(const RingEntry& entry) {
+void ObjectEstimator::Impl::count(const BufferedSet& entry) {
   counters.accepted += static_cast<uint64_t>(std::popcount(entry.after.published.cameras));
   counters.gated += static_cast<uint64_t>(std::popcount(entry.after.gated));
   counters.starts += entry.after.started ? 1 : 0;
   counters.resets += entry.after.reset ? 1 : 0;
 }
 
-// Sets in and behind the ring, then what silence makes of the newest state.
+// Sets in the buffer and before it, then what silence makes of the newest state.
 PoseTrackPtr ObjectEstimator::Impl::build_track() const {
   std::vector<PoseEstimate> estimates;
-  estimates.reserve(history.size() + ring.size() + 2);
-  const Time end = ring.empty() ? now : std::max(now, ring.entry(ring.size() - 1).time);
+  estimates.reserve(history.size() + buffer.size() + 2);
+  const Time end = buffer.empty() ? now : std::max(now, buffer.entry(buffer.size() - 1).time);
   history.append_to(end, estimates);
-  for (size_t i = 0; i < ring.size(); ++i) {
-    estimates.push_back(ring.entry(i).after.published);
+  for (size_t i = 0; i < buffer.size(); ++i) {
+    estimates.push_back(buffer.entry(i).after.published);
   }
-  if (!ring.empty()) fuse::append_silence(newest(), now, options, estimates);
+  if (!buffer.empty()) fuse::append_silence(newest(), now, options, estimates);
   return std::make_shared<const PoseTrack>(object, std::move(estimates), options.noise);
 }
 
 Result<ObjectEstimator> ObjectEstimator::create(const EstimatorOptions& options, ObjectId object,
-                                                const Lookalikes& lookalikes) {
+                                                const ShapeSymmetry& shape_symmetry) {
   SL_RETURN_IF_ERROR(check(options));
-  return ObjectEstimator(std::make_unique<Impl>(options, object, lookalikes));
+  return ObjectEstimator(std::make_unique<Impl>(options, object, shape_symmetry));
 }
 
 ObjectEstimator::ObjectEstimator(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -142,33 +142,33 @@ UpdateReport ObjectEstimator::process(std::span<const Observation> set) {
   }
   ++impl.counters.sets;
   UpdateReport report;
-  report.late = !impl.ring.empty() && time < impl.ring.entry(impl.ring.size() - 1).time;
-  const SetRing::Place place = impl.ring.insert(time, impl.object, set);
-  if (place.placement == SetRing::Placement::kTooLate) {
+  report.late = !impl.buffer.empty() && time < impl.buffer.entry(impl.buffer.size() - 1).time;
+  const OutOfSequenceBuffer::Place place = impl.buffer.insert(time, impl.object, set);
+  if (place.placement == OutOfSequenceBuffer::Placement::kTooLate) {
     ++impl.counters.late_dropped;
     report.estimate = impl.newest().published;
     report.dropped = true;
     return report;
   }
-  if (place.placement == SetRing::Placement::kDuplicate) {
+  if (place.placement == OutOfSequenceBuffer::Placement::kDuplicate) {
     ++impl.counters.duplicates;
     report.dropped = true;
   } else {
     impl.counters.late_inserted += report.late ? 1 : 0;
     impl.replay_from(place.index);
-    impl.count(impl.ring.entry(place.index));
+    impl.count(impl.buffer.entry(place.index));
     impl.track.reset();
   }
-  const BankState& after = impl.ring.entry(place.index).after;
+  const BankState& after = impl.buffer.entry(place.index).after;
   report.estimate = after.published;
   report.accepted = after.published.cameras;
   report.gated = after.gated;
   report.hypotheses = after.count;
   report.iterations = after.iterations;
   report.reset = after.reset;
-  while (impl.ring.overfull()) {
-    impl.history.add(impl.ring.entry(0).after.published);
-    impl.ring.drop_oldest();
+  while (impl.buffer.overfull()) {
+    impl.history.add(impl.buffer.entry(0).after.published);
+    impl.buffer.drop_oldest();
   }
   return report;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "history.hpp"
+#include "fuse/history.hpp"
 
 namespace sightline::fuse {
 

@@ -7,12 +7,15 @@
 #include <limits>
 #include <numbers>
 
-#include "lens_polynomial.hpp"
+#include "geometry/lens_polynomial.hpp"
 
 namespace sightline {
+
+using namespace geometry;
+
 namespace {
 
-/// Normalised radius searched for a fold: 89.99 degrees off the axis. A pinhole lens that grows up
+/// Normalized radius searched for a fold: 89.99 degrees off the axis. A pinhole lens that grows up
 /// to here is taken to grow for ever.
 constexpr double kPinholeLimit = 1e4;
 /// Rays are made up to this part of the fold-over radius.
@@ -48,7 +51,7 @@ size_t coefficient_count(LensModel lens) {
   return 0;
 }
 
-/// Pinhole distortion of a normalised point, OpenCV's projectPoints, with its 2x2 derivative.
+/// Pinhole distortion of a normalized point, OpenCV's projectPoints, with its 2x2 derivative.
 Eigen::Vector2d distort(const CameraModel::Parameters& p, const Eigen::Vector2d& m,
                         Eigen::Matrix2d* derivative) {
   const std::array<double, 8>& k = p.distortion;
@@ -72,7 +75,7 @@ Eigen::Vector2d distort(const CameraModel::Parameters& p, const Eigen::Vector2d&
           y * radial + p1 * (u + 2 * y * y) + 2 * p2 * x * y};
 }
 
-/// Distorted normalised point of a fisheye with its 2x3 derivative by the point; no value for a
+/// Distorted normalized point of a fisheye with its 2x3 derivative by the point; no value for a
 /// point straight behind or beyond `max_angle`.
 std::optional<Eigen::Vector2d> distort_fisheye(const CameraModel::Parameters& p, double max_angle,
                                                const Eigen::Vector3d& point,
@@ -98,7 +101,7 @@ std::optional<Eigen::Vector2d> distort_fisheye(const CameraModel::Parameters& p,
   return scale * across;
 }
 
-/// Normalised point whose distortion is `target`: the radial part inverted roughly, but safely,
+/// Normalized point whose distortion is `target`: the radial part inverted roughly, but safely,
 /// then Newton through all of it, kept inside the fold.
 std::optional<Eigen::Vector2d> undistort(const CameraModel::Parameters& p, double max_radius,
                                          const Eigen::Vector2d& target) {
@@ -126,26 +129,58 @@ std::optional<Eigen::Vector2d> undistort(const CameraModel::Parameters& p, doubl
   return std::nullopt;
 }
 
+/// What no lens has, and numerics do not bear. Of the longer side: a fisheye of 300 degrees has a
+/// focal length of 0.2 sides, a field of view of 0.01 degrees one of 6000; a window cut out of a
+/// large sensor has the principal point some sides away.
+constexpr double kShortestFocal = 0.01, kLongestFocal = 10'000, kFarthestCenter = 100;
+/// Lenses of long focal length that were calibrated with too many coefficients have some of 1e6.
+constexpr double kLargestCoefficient = 1e12;
+
+std::optional<Error> absurd_center(const CameraModel::Parameters& p, const std::string& where) {
+  const double side = std::max(p.width, p.height);
+  const double limit = kFarthestCenter * side;
+  if (std::abs(p.cx - p.width / 2.0) <= limit && std::abs(p.cy - p.height / 2.0) <= limit) {
+    return std::nullopt;  // false for NaN
+  }
+  return make_error(ErrorCode::kInvalidInput, where,
+                    "principal point cx = {}, cy = {} is {} for an image of "
+                    "{}x{}; it must be "
+                    "within {} px of the middle",
+                    p.cx, p.cy, std::isfinite(p.cx + p.cy) ? "absurd" : "not finite", p.width,
+                    p.height, limit);
+}
+
+std::optional<Error> absurd_focal(const CameraModel::Parameters& p, const std::string& where) {
+  const double side = std::max(p.width, p.height);
+  const double least = kShortestFocal * side, most = kLongestFocal * side;
+  const auto good = [&](double f) { return f >= least && f <= most; };  // false for NaN
+  if (good(p.fx) && good(p.fy)) return std::nullopt;
+  return make_error(ErrorCode::kInvalidInput, where,
+                    "focal lengths fx = {} and fy = {} must be positive "
+                    "numbers of pixels, {} to "
+                    "{} for an image of {}x{}",
+                    p.fx, p.fy, least, most, p.width, p.height);
+}
+
 std::optional<Error> first_fault(const CameraModel::Parameters& p, const std::string& where) {
   constexpr int kMaxSize = 32768;
   if (p.width < 1 || p.width > kMaxSize || p.height < 1 || p.height > kMaxSize) {
-    return make_error(ErrorCode::kInvalidInput, where, "picture size {}x{} is outside 1..{}",
-                      p.width, p.height, kMaxSize);
+    return make_error(ErrorCode::kInvalidInput, where, "image size {}x{} is outside 1..{}", p.width,
+                      p.height, kMaxSize);
   }
-  if (!(p.fx > 0 && p.fy > 0 && std::isfinite(p.fx) && std::isfinite(p.fy))) {
-    return make_error(ErrorCode::kInvalidInput, where,
-                      "focal lengths fx = {} and fy = {} must be positive numbers of pixels", p.fx,
-                      p.fy);
-  }
-  if (!std::isfinite(p.cx) || !std::isfinite(p.cy)) {
-    return make_error(ErrorCode::kInvalidInput, where,
-                      "principal point cx = {}, cy = {} is not finite", p.cx, p.cy);
-  }
+  if (auto fault = absurd_focal(p, where)) return fault;
+  if (auto fault = absurd_center(p, where)) return fault;
   const size_t count = coefficient_count(p.lens);
   for (size_t i = 0; i < p.distortion.size(); ++i) {
     if (!std::isfinite(p.distortion[i])) {
       return make_error(ErrorCode::kInvalidInput, where, "distortion coefficient {} is not finite",
                         i + 1);
+    }
+    if (std::abs(p.distortion[i]) > kLargestCoefficient) {
+      return make_error(ErrorCode::kInvalidInput, where,
+                        "distortion coefficient {} is {}; no lens has more "
+                        "than {} either way",
+                        i + 1, p.distortion[i], kLargestCoefficient);
     }
     if (i >= count && p.distortion[i] != 0) {
       return make_error(ErrorCode::kInvalidInput, where,

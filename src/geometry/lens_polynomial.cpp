@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "lens_polynomial.hpp"
+#include "geometry/lens_polynomial.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <vector>
 
-namespace sightline {
+namespace sightline::geometry {
 namespace {
 
 using Polynomial = std::vector<double>;  // lowest power first
@@ -49,7 +49,7 @@ double bisect(const Polynomial& p, double low, double high) {
   return low;
 }
 
-/// Where the sign of p changes in (0, limit), ascending. Between two neighbouring extrema p is
+/// Where the sign of p changes in (0, limit), ascending. Between two neighboring extrema p is
 /// monotone, so the sign changes of p are isolated by those of its derivative.
 std::vector<double> sign_changes(const Polynomial& p, double limit) {
   if (p.size() <= 1) return {};
@@ -119,4 +119,4 @@ double invert_profile(const RadialProfile& profile, double target, double limit,
   return r;
 }
 
-}  // namespace sightline
+}  // namespace sightline::geometry

@@ -3,7 +3,7 @@
 
 #include <array>
 
-namespace sightline {
+namespace sightline::geometry {
 
 /// Radial profile of a lens: distorted radius of an undistorted one, r_d = r N(r^2) / D(r^2).
 /// For pinhole lenses r = hypot(x/z, y/z); for fisheye r is the angle to the axis and D = 1.
@@ -22,4 +22,4 @@ double fold_over_radius(const RadialProfile& profile, double limit);
 /// the ends. Newton inside a shrinking bracket, to `tolerance` relative to the target.
 double invert_profile(const RadialProfile& profile, double target, double limit, double tolerance);
 
-}  // namespace sightline
+}  // namespace sightline::geometry

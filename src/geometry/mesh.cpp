@@ -7,9 +7,12 @@
 #include <limits>
 #include <numeric>
 
-#include "mesh_readers.hpp"
+#include "geometry/mesh_readers.hpp"
 
 namespace sightline {
+
+using namespace geometry;
+
 namespace {
 
 constexpr uint32_t kNone = std::numeric_limits<uint32_t>::max();
@@ -20,7 +23,7 @@ using Index3 = std::array<uint32_t, 3>;
 Status check_options(const MeshOptions& options, const std::string& where) {
   if (!(options.meters_per_unit > 0) || !std::isfinite(options.meters_per_unit)) {
     return make_error(ErrorCode::kInvalidInput, where,
-                      "the unit is {} metres, it must be a positive number",
+                      "the unit is {} meters, it must be a positive number",
                       options.meters_per_unit);
   }
   return {};
@@ -42,7 +45,7 @@ Status check_counts(const TriangleMesh& mesh, const std::string& where,
                       mesh.faces.size(), mesh.face_normals.size());
   }
   if (!mesh.face_colors.empty() && mesh.face_colors.size() != mesh.faces.size()) {
-    return make_error(ErrorCode::kInvalidInput, where, "{} faces but colours for {}",
+    return make_error(ErrorCode::kInvalidInput, where, "{} faces but colors for {}",
                       mesh.faces.size(), mesh.face_colors.size());
   }
   return {};
@@ -160,7 +163,7 @@ void drop_faces_without_area(TriangleMesh* mesh) {
 }
 
 /// Unit length for the file's normals; a corner whose normal is zero gets that of its face.
-void normalise_normals(TriangleMesh* mesh) {
+void normalize_normals(TriangleMesh* mesh) {
   std::vector<bool> zero(mesh->normals.size(), false);
   for (size_t i = 0; i < mesh->normals.size(); ++i) {
     const Eigen::Vector3d n = mesh->normals[i].cast<double>();
@@ -192,7 +195,7 @@ Status set_bounds(TriangleMesh* mesh, const std::string& where, const MeshOption
   if (extent < kMinExtent || extent > options.max_extent) {
     return make_error(ErrorCode::kInvalidInput, where,
                       "mesh is {:.6g} m large at {:.6g} m per unit, allowed is {} to {} m; is the "
-                      "unit right (0.001 for millimetres)?",
+                      "unit right (0.001 for millimeters)?",
                       extent, options.meters_per_unit, kMinExtent, options.max_extent);
   }
   mesh->center =
@@ -218,7 +221,7 @@ Result<TriangleMesh> finish_mesh(TriangleMesh mesh, const std::string& where,
   }
   SL_RETURN_IF_ERROR(check_finite(mesh.vertices, "vertex", where));
   SL_RETURN_IF_ERROR(check_finite(mesh.normals, "normal", where));
-  SL_RETURN_IF_ERROR(check_finite(mesh.face_colors, "colour of face", where));
+  SL_RETURN_IF_ERROR(check_finite(mesh.face_colors, "color of face", where));
   for (Eigen::Vector3f& c : mesh.face_colors) c = c.cwiseMax(0.0f).cwiseMin(1.0f);
 
   weld_vertices(&mesh);
@@ -232,7 +235,7 @@ Result<TriangleMesh> finish_mesh(TriangleMesh mesh, const std::string& where,
   if (mesh.normals.empty()) {
     make_normals(&mesh, options.crease_angle);
   } else {
-    normalise_normals(&mesh);
+    normalize_normals(&mesh);
   }
   return mesh;
 }

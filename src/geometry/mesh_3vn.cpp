@@ -3,10 +3,13 @@
 #include <cmath>
 #include <optional>
 
-#include "mesh_readers.hpp"
-#include "text_scanner.hpp"
+#include "geometry/mesh_readers.hpp"
+#include "geometry/text_scanner.hpp"
 
 namespace sightline {
+
+using namespace geometry;
+
 namespace {
 
 class Reader3vn {

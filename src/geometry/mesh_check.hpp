@@ -11,7 +11,7 @@
 
 #include "sightline/base/result.hpp"
 
-namespace sightline {
+namespace sightline::geometry {
 
 /// What a checker leaves for assimp, which reads broken files by dropping, clamping or crashing.
 struct CheckedMesh {
@@ -27,7 +27,7 @@ Result<CheckedMesh> check_off(std::string_view text, const std::string& where);
 Result<CheckedMesh> check_ply(std::string_view content, const std::string& where);
 Result<CheckedMesh> check_stl(std::string_view content, const std::string& where);
 /// glTF 2 and GLB: buffers, views, accessors, primitives and the tree of nodes. Leaves geometry and
-/// colours, of materials, vertices and base colour textures; skins, animations and extensions are
+/// colors, of materials, vertices and base color textures; skins, animations and extensions are
 /// taken out.
 Result<CheckedMesh> check_gltf(std::string_view text, const std::string& where);
 Result<CheckedMesh> check_glb(std::string_view content, const std::string& where);
@@ -40,4 +40,4 @@ Error line_error(const std::string& where, size_t line, fmt::format_string<Args.
                     std::forward<Args>(args)...);
 }
 
-}  // namespace sightline
+}  // namespace sightline::geometry

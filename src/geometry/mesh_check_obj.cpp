@@ -2,13 +2,16 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <deque>
+#include <map>
+#include <set>
 #include <vector>
 
-#include "mesh_check.hpp"
-#include "mesh_readers.hpp"
-#include "text_scanner.hpp"
+#include "geometry/mesh_check.hpp"
+#include "geometry/mesh_readers.hpp"
+#include "geometry/text_scanner.hpp"
 
-namespace sightline {
+namespace sightline::geometry {
 namespace {
 
 /// Vertices (v), texture coordinates (vt) or normals (vn) of the file.
@@ -18,6 +21,51 @@ struct Element {
   uint64_t largest = 0;  ///< index used by a face; faces may come before what they use
   size_t line = 0;       ///< of that face
   size_t face = 0;
+};
+
+/// assimp makes a mesh at every change of material and looks through all materials for each: 60,000
+/// of them take it a third of a minute. So faces are handed over by material, and there may be so
+/// many materials (a modeller's file has tens).
+constexpr size_t kMaxMaterials = 4096;
+constexpr size_t kMaxLibraries = 64;
+
+/// Keeps faces by material, in the order in which the materials are first used.
+class FacesByMaterial {
+ public:
+  /// False where that is one material too many.
+  bool use(std::string_view name) {
+    const auto known = groups_.find(name);
+    if (known != groups_.end()) {
+      current_ = known->second;
+      return true;
+    }
+    if (groups_.size() == kMaxMaterials) return false;
+    lists_.push_back({std::string(name), {}});
+    current_ = &lists_.back();
+    groups_.emplace(name, current_);
+    return true;
+  }
+
+  std::string& faces() { return current_->faces; }
+
+  std::string text() const {
+    std::string out;
+    for (const List& list : lists_) {
+      if (list.faces.empty()) continue;
+      if (!list.material.empty()) ((out += "usemtl ") += list.material) += '\n';
+      out += list.faces;
+    }
+    return out;
+  }
+
+ private:
+  struct List {
+    std::string material;  ///< empty before the first usemtl
+    std::string faces;
+  };
+  std::deque<List> lists_{List{}};
+  std::map<std::string, List*, std::less<>> groups_;
+  List* current_ = &lists_.front();
 };
 
 class ObjChecker {
@@ -35,7 +83,7 @@ class ObjChecker {
                           e.count);
       }
     }
-    return CheckedMesh{std::move(kept_), {}, faces_};
+    return CheckedMesh{kept_ + by_material_.text(), {}, faces_};
   }
 
  private:
@@ -75,17 +123,47 @@ class ObjChecker {
       ++elements_[2].count;
       SL_RETURN_IF_ERROR(check_numbers("normal", elements_[2].count, 3, 3));
     } else if (kind == "f") {
-      SL_RETURN_IF_ERROR(check_face());
-    } else if (kind != "usemtl" && kind != "mtllib") {
+      return check_face();
+    } else if (kind == "usemtl") {
+      return use_material();
+    } else if (kind == "mtllib") {
+      return add_library();
+    } else {
       return {};  // names, groups, lines, points, curves: nothing of the surface
     }
-    for (std::string_view word : words_) (kept_ += word) += ' ';
+    for (std::string_view word : words_) {
+      if (word.front() == '.') kept_ += '0';  // assimp takes ".5" for no number
+      (kept_ += word) += ' ';
+    }
     kept_.back() = '\n';
     return {};
   }
 
-  Status check_numbers(const char* what, uint64_t number, size_t least, size_t most) {
-    if (words_.size() - 1 < least || words_.size() - 1 > most) {
+  /// All after the first word; names may have spaces.
+  std::string name_in_statement() const {
+    std::string name;
+    for (size_t i = 1; i < words_.size(); ++i) (name += i == 1 ? "" : " ") += words_[i];
+    return name;
+  }
+
+  Status use_material() {
+    const std::string name = name_in_statement();
+    if (name.empty() || by_material_.use(name)) return {};
+    return fault("more than {} materials; join some", kMaxMaterials);
+  }
+
+  Status add_library() {
+    const std::string name = name_in_statement();
+    if (name.empty() || !libraries_.insert(name).second) return {};
+    if (libraries_.size() > kMaxLibraries) {
+      return fault("more than {} material libraries; join some", kMaxLibraries);
+    }
+    ((kept_ += "mtllib ") += name) += '\n';
+    return {};
+  }
+
+  Status check_numbers(const char* what, uint64_t number, size_t min, size_t max) {
+    if (words_.size() - 1 < min || words_.size() - 1 > max) {
       return fault("{} {} has {} numbers", what, number, words_.size() - 1);
     }
     for (size_t i = 1; i < words_.size(); ++i) {
@@ -104,18 +182,24 @@ class ObjChecker {
     if (corners < 3 || corners > kMaxCorners) {
       return fault("face {}: {} corners, allowed are 3 to {}", faces_, corners, kMaxCorners);
     }
-    for (size_t i = 1; i < words_.size(); ++i) SL_RETURN_IF_ERROR(check_corner(words_[i]));
+    std::string& kept = by_material_.faces();
+    kept += 'f';
+    for (size_t i = 1; i < words_.size(); ++i) SL_RETURN_IF_ERROR(check_corner(words_[i], kept));
+    kept += '\n';
     return {};
   }
 
-  /// "v", "v/vt", "v//vn" or "v/vt/vn"; negative indices count back from the latest.
-  Status check_corner(const std::string_view corner) {
+  /// "v", "v/vt", "v//vn" or "v/vt/vn"; negative indices count back from the latest. Left in `kept`
+  /// counting from the first, for faces change places.
+  Status check_corner(const std::string_view corner, std::string& kept) {
     std::string_view rest = corner;
     for (size_t part = 0; part < 3; ++part) {
+      kept += part == 0 ? ' ' : '/';
       const size_t end = rest.find('/');
       const std::string_view index = rest.substr(0, end);
       if (!index.empty()) {
-        SL_RETURN_IF_ERROR(check_index(index, &elements_[part]));
+        SL_ASSIGN(const uint64_t from_first, check_index(index, &elements_[part]));
+        fmt::format_to(std::back_inserter(kept), "{}", from_first);
       } else if (part != 1) {
         return fault("face {}: '{}' is not a corner", faces_, printable(corner));
       }
@@ -125,7 +209,7 @@ class ObjChecker {
     return fault("face {}: '{}' is not a corner", faces_, printable(corner));
   }
 
-  Status check_index(std::string_view word, Element* element) {
+  Result<uint64_t> check_index(std::string_view word, Element* element) {
     const bool negative = word.front() == '-';
     const auto value = parse_unsigned(negative ? word.substr(1) : word);
     if (!value || *value == 0 || *value > INT32_MAX) {
@@ -141,7 +225,7 @@ class ObjChecker {
       element->line = line_;
       element->face = faces_;
     }
-    return {};
+    return negative ? element->count + 1 - *value : *value;
   }
 
   TextScanner scanner_;
@@ -150,7 +234,9 @@ class ObjChecker {
   size_t faces_ = 0;
   std::vector<std::string_view> words_;
   std::array<Element, 3> elements_{{{"vertex"}, {"texture coordinate"}, {"normal"}}};
-  std::string kept_;
+  std::string kept_;  ///< all but the faces
+  FacesByMaterial by_material_;
+  std::set<std::string> libraries_;
 };
 
 }  // namespace
@@ -159,4 +245,4 @@ Result<CheckedMesh> check_obj(std::string_view text, const std::string& where) {
   return ObjChecker(text, where).check();
 }
 
-}  // namespace sightline
+}  // namespace sightline::geometry

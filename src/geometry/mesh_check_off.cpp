@@ -2,11 +2,11 @@
 #include <cmath>
 #include <vector>
 
-#include "mesh_check.hpp"
-#include "mesh_readers.hpp"
-#include "text_scanner.hpp"
+#include "geometry/mesh_check.hpp"
+#include "geometry/mesh_readers.hpp"
+#include "geometry/text_scanner.hpp"
 
-namespace sightline {
+namespace sightline::geometry {
 namespace {
 
 /// Rewrites the file as OBJ: assimp's own OFF loader drops faces of more than nine corners.
@@ -104,4 +104,4 @@ Result<CheckedMesh> check_off(std::string_view text, const std::string& where) {
   return OffChecker(text, where).check();
 }
 
-}  // namespace sightline
+}  // namespace sightline::geometry

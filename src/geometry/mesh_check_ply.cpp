@@ -7,11 +7,11 @@
 #include <utility>
 #include <vector>
 
-#include "mesh_check.hpp"
-#include "mesh_readers.hpp"
-#include "text_scanner.hpp"
+#include "geometry/mesh_check.hpp"
+#include "geometry/mesh_readers.hpp"
+#include "geometry/text_scanner.hpp"
 
-namespace sightline {
+namespace sightline::geometry {
 namespace {
 
 enum class Scalar { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat, kDouble };
@@ -282,4 +282,4 @@ Result<CheckedMesh> check_ply(std::string_view content, const std::string& where
   return PlyChecker(content, where).check();
 }
 
-}  // namespace sightline
+}  // namespace sightline::geometry

@@ -2,10 +2,10 @@
 #include <cmath>
 #include <cstring>
 
-#include "mesh_check.hpp"
-#include "text_scanner.hpp"
+#include "geometry/mesh_check.hpp"
+#include "geometry/text_scanner.hpp"
 
-namespace sightline {
+namespace sightline::geometry {
 namespace {
 
 constexpr size_t kHeaderBytes = 84;
@@ -95,4 +95,4 @@ Result<CheckedMesh> check_stl(std::string_view content, const std::string& where
       content.size());
 }
 
-}  // namespace sightline
+}  // namespace sightline::geometry

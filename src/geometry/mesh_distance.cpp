@@ -80,7 +80,7 @@ void MeshDistance::build(size_t first, size_t count) {
 }
 
 SurfacePoint MeshDistance::nearest(const Eigen::Vector3d& point) const {
-  double least = std::numeric_limits<double>::infinity();
+  double min = std::numeric_limits<double>::infinity();
   SurfacePoint found;
   uint32_t stack[64];  // deeper than any tree of 2^32 faces in equal halves
   int depth = 0;
@@ -88,12 +88,12 @@ SurfacePoint MeshDistance::nearest(const Eigen::Vector3d& point) const {
   while (depth > 0) {
     const uint32_t at = stack[--depth];
     const Node& node = nodes_[at];
-    if (node.box.squared_distance(point) >= least) continue;
+    if (node.box.squared_distance(point) >= min) continue;
     for (uint32_t i = node.first; i < node.first + node.count; ++i) {
       const Face& face = faces_[i];
       const Eigen::Vector3d on = nearest_on_triangle(point, face.a, face.b, face.c);
       const double squared = (on - point).squaredNorm();
-      if (squared < least) least = squared, found = {on, face.index, 0};
+      if (squared < min) min = squared, found = {on, face.index, 0};
     }
     if (node.count > 0) continue;
     uint32_t near = at + 1, far = node.first;
@@ -103,7 +103,7 @@ SurfacePoint MeshDistance::nearest(const Eigen::Vector3d& point) const {
     stack[depth++] = far;
     stack[depth++] = near;
   }
-  found.distance = std::sqrt(least);
+  found.distance = std::sqrt(min);
   return found;
 }
 

@@ -16,21 +16,30 @@
 #include <memory>
 #include <set>
 
-#include "mesh_check.hpp"
-#include "mesh_readers.hpp"
+#include "geometry/mesh_check.hpp"
+#include "geometry/mesh_readers.hpp"
 #include "sightline/base/files.hpp"
 
-namespace sightline {
+namespace sightline::geometry {
 namespace {
 
 constexpr size_t kMaxCompanionBytes = size_t{256} << 20;
+/// Of all material libraries of an OBJ together. assimp looks through all materials for each that
+/// is used, so their number counts more than their bytes (see mesh_check_obj.cpp).
+constexpr size_t kMaxLibraryMaterials = 4096;
+constexpr size_t kMaxMaterialBytes = size_t{4} << 20;
 
 /// All that assimp gets to see: the mesh itself, from memory, and regular files of bounded size in
 /// its folder and below. A material library named "/dev/zero" or "../../x" does not exist here.
 class BoundedFiles : public Assimp::IOSystem {
  public:
-  BoundedFiles(std::string_view content, std::string name, std::filesystem::path directory)
-      : content_(content), name_(std::move(name)), directory_(std::move(directory)) {}
+  BoundedFiles(std::string_view content, std::string name, std::filesystem::path directory,
+               bool only_materials)
+      : content_(content),
+        name_(std::move(name)),
+        directory_(std::move(directory)),
+        limit_(only_materials ? kMaxMaterialBytes : kMaxCompanionBytes),
+        left_(only_materials ? kMaxMaterialBytes : SIZE_MAX) {}
 
   bool Exists(const char* file) const override {
     if (name_ == file) return true;
@@ -44,19 +53,45 @@ class BoundedFiles : public Assimp::IOSystem {
   Assimp::IOStream* Open(const char* file, const char* mode) override {
     if (std::strchr(mode, 'r') == nullptr) return nullptr;
     if (name_ == file) return stream_of(content_);
+    if (!Exists(file) || !refusal_.empty()) return nullptr;  // a refused one is asked for again
     const std::filesystem::path path = inside(file);
-    if (path.empty()) return nullptr;
-    auto content = read_file(path, kMaxCompanionBytes);
+    auto content = read_file(path, std::min(limit_, left_));
+    if (!content && content.error().code == ErrorCode::kInvalidInput) {
+      return refuse(fmt::format("{} is larger than the {} bytes that are read with a mesh",
+                                path.string(), std::min(limit_, left_)));
+    }
     if (!content) return nullptr;
+    left_ -= content->size();
+    if (limit_ == kMaxMaterialBytes) materials_ += count_of("newmtl", *content);
+    if (materials_ > kMaxLibraryMaterials) {
+      return refuse(fmt::format("{} brings the material libraries to more than {} materials",
+                                path.string(), kMaxLibraryMaterials));
+    }
     companions_.push_back(std::make_unique<std::string>(*std::move(content)));
     return stream_of(*companions_.back());
   }
 
   void Close(Assimp::IOStream* stream) override { delete stream; }
 
+  /// Why a companion was not read; empty where none was refused.
+  const std::string& refusal() const { return refusal_; }
+
  private:
   static Assimp::IOStream* stream_of(std::string_view text) {
     return new Assimp::MemoryIOStream(reinterpret_cast<const uint8_t*>(text.data()), text.size());
+  }
+
+  Assimp::IOStream* refuse(std::string why) {
+    refusal_ = std::move(why);
+    return nullptr;
+  }
+
+  static size_t count_of(std::string_view word, std::string_view text) {
+    size_t count = 0;
+    for (size_t at = text.find(word); at != std::string_view::npos; at = text.find(word, at + 1)) {
+      ++count;
+    }
+    return count;
   }
 
   std::filesystem::path inside(const char* file) const {
@@ -71,6 +106,10 @@ class BoundedFiles : public Assimp::IOSystem {
   std::string_view content_;
   std::string name_;
   std::filesystem::path directory_;
+  size_t limit_;  ///< of one companion [bytes]
+  size_t left_;   ///< of all that are still to come
+  size_t materials_ = 0;
+  std::string refusal_;
   std::vector<std::unique_ptr<std::string>> companions_;
 };
 
@@ -182,7 +221,7 @@ class SceneReader {
     const Eigen::Matrix3f linear = root_from_node.topLeftCorner<3, 3>();
     const Eigen::Vector3f shift = root_from_node.topRightCorner<3, 1>();
     const float determinant = linear.determinant();
-    // Up to scale, which normalising removes; a mirroring transform turns the normal back.
+    // Up to scale, which normalizing removes; a mirroring transform turns the normal back.
     Eigen::Matrix3f for_normals;
     for_normals << linear.col(1).cross(linear.col(2)), linear.col(2).cross(linear.col(0)),
         linear.col(0).cross(linear.col(1));
@@ -257,9 +296,9 @@ class SurfaceReader {
     if (material == nullptr || material->GetTexture(aiTextureType_DIFFUSE, 0, &name) != AI_SUCCESS)
       return -1;
     if (const aiTexture* const held = scene_.GetEmbeddedTexture(name.C_Str())) {
-      // Zero rows: the bytes of a picture file, so many.
+      // Zero rows: the bytes of an image file, so many.
       if (held->mHeight != 0 || held->pcData == nullptr) return -1;
-      return index_of(directory_ / fmt::format("picture {} of the mesh", name.C_Str()),
+      return index_of(directory_ / fmt::format("image {} of the mesh", name.C_Str()),
                       {reinterpret_cast<const char*>(held->pcData), held->mWidth});
     }
     const std::filesystem::path relative = std::filesystem::path(name.C_Str()).lexically_normal();
@@ -341,8 +380,12 @@ Result<const aiScene*> read_scene(const CheckedMesh& checked, std::string_view f
   const std::string& read_as = checked.format.empty() ? format : checked.format;
   keep_loaders_of(read_as, &importer);
   const std::string name = "mesh." + read_as;
-  importer.SetIOHandler(new BoundedFiles(content, name, directory));  // importer deletes it
+  auto* const files = new BoundedFiles(content, name, directory, read_as == "obj");
+  importer.SetIOHandler(files);  // which deletes it
   const aiScene* scene = importer.ReadFile(name, aiProcess_ValidateDataStructure);
+  if (!files->refusal().empty()) {
+    return make_error(ErrorCode::kInvalidInput, where, "{}", files->refusal());
+  }
   if (scene != nullptr) return scene;
   return make_error(ErrorCode::kInvalidInput, where, "cannot read as {}: {}", format,
                     importer.GetErrorString());
@@ -361,8 +404,9 @@ Result<TriangleMesh> import_mesh(std::string_view file, const std::string& forma
   const bool use_normals = format != "stl";
   SL_ASSIGN(const PolygonMesh polygons, SceneReader(*scene, use_normals, where, options).read());
   if (checked.faces && polygons.corner_counts.size() != *checked.faces) {
-    return make_error(ErrorCode::kInternal, where,
-                      "{} of {} faces were understood; the others may have indices out of range",
+    return make_error(ErrorCode::kInvalidInput, where,
+                      "{} of {} faces were understood; the others may have "
+                      "indices out of range",
                       polygons.corner_counts.size(), *checked.faces);
   }
   return triangulate_polygons(polygons, where, options);
@@ -388,4 +432,4 @@ Result<MeshSurface> import_surface(std::string_view file, const std::string& for
   return make_error(ErrorCode::kInvalidInput, where, "cannot read as {}: {}", format, e.what());
 }
 
-}  // namespace sightline
+}  // namespace sightline::geometry

@@ -2,9 +2,9 @@
 #include <Eigen/Geometry>
 #include <cmath>
 
-#include "mesh_readers.hpp"
+#include "geometry/mesh_readers.hpp"
 
-namespace sightline {
+namespace sightline::geometry {
 namespace {
 
 /// Around a vertex of more faces than this every corner takes its own face's normal: comparing all
@@ -88,4 +88,4 @@ void make_normals(TriangleMesh* mesh, float crease_angle) {
   }
 }
 
-}  // namespace sightline
+}  // namespace sightline::geometry

@@ -2,9 +2,9 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 
-#include "mesh_readers.hpp"
+#include "geometry/mesh_readers.hpp"
 
-namespace sightline {
+namespace sightline::geometry {
 namespace {
 
 using Points2 = std::vector<Eigen::Vector2d>;
@@ -106,4 +106,4 @@ Result<TriangleMesh> triangulate_polygons(const PolygonMesh& polygons, const std
   return finish_mesh(std::move(mesh), where, options);
 }
 
-}  // namespace sightline
+}  // namespace sightline::geometry

@@ -3,10 +3,13 @@
 #include <array>
 #include <cctype>
 
-#include "mesh_readers.hpp"
+#include "geometry/mesh_readers.hpp"
 #include "sightline/base/files.hpp"
 
 namespace sightline {
+
+using namespace geometry;
+
 namespace {
 
 constexpr size_t kMaxMeshBytes = size_t{1} << 30;

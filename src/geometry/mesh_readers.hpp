@@ -12,7 +12,7 @@
 #include "sightline/geometry/mesh.hpp"
 #include "sightline/geometry/mesh_surface.hpp"
 
-namespace sightline {
+namespace sightline::geometry {
 
 /// A polygon with more corners than this is refused: no modeller writes it, and cutting it into
 /// triangles takes the square of the number.
@@ -51,4 +51,4 @@ Result<MeshSurface> import_surface(std::string_view content, const std::string& 
 /// vertex that are within the crease angle of the corner's own face.
 void make_normals(TriangleMesh* mesh, float crease_angle);
 
-}  // namespace sightline
+}  // namespace sightline::geometry

@@ -3,10 +3,13 @@
 
 #include <cmath>
 
+#include "geometry/text_scanner.hpp"
 #include "sightline/base/files.hpp"
-#include "text_scanner.hpp"
 
 namespace sightline {
+
+using namespace geometry;
+
 namespace {
 
 constexpr size_t kMaxPoints = 10'000'000;

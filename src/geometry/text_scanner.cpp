@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "text_scanner.hpp"
+#include "geometry/text_scanner.hpp"
 
 #include <charconv>
 #include <limits>
 
-namespace sightline {
+namespace sightline::geometry {
 namespace {
 
 bool is_space(char c) {
@@ -72,4 +72,4 @@ std::string printable(std::string_view word) {
   return out;
 }
 
-}  // namespace sightline
+}  // namespace sightline::geometry

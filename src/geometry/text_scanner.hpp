@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-namespace sightline {
+namespace sightline::geometry {
 
 /// Words of a text between white space, with the line each stands in.
 class TextScanner {
@@ -40,4 +40,4 @@ std::optional<double> parse_number(std::string_view word);
 /// The start of a word with unprintable bytes replaced, fit for an error text.
 std::string printable(std::string_view word);
 
-}  // namespace sightline
+}  // namespace sightline::geometry

@@ -21,7 +21,7 @@ struct Normal {
   const char* bad_camera = nullptr;  ///< in which the point does not project
 };
 
-Normal linearise(std::span<const PointSight> sights, const Eigen::Vector3d& point_in_world) {
+Normal linearize(std::span<const PointSight> sights, const Eigen::Vector3d& point_in_world) {
   Normal normal;
   for (const PointSight& sight : sights) {
     const Rigid3 camera_from_world = sight.camera->world_from_camera.inverse();
@@ -102,7 +102,7 @@ Error does_not_project(const char* camera) {
 Result<TriangulatedPoint> triangulate(std::span<const PointSight> sights) {
   SL_RETURN_IF_ERROR(check_sights(sights));
   SL_ASSIGN(Eigen::Vector3d point, midpoint(sights));
-  Normal normal = linearise(sights, point);
+  Normal normal = linearize(sights, point);
   if (normal.bad_camera != nullptr) return does_not_project(normal.bad_camera);
 
   double damping = 0;
@@ -111,7 +111,7 @@ Result<TriangulatedPoint> triangulate(std::span<const PointSight> sights) {
     a.diagonal() *= 1 + damping;
     const Eigen::Vector3d step = -a.ldlt().solve(normal.gradient);
     if (!step.allFinite()) break;
-    const Normal next = linearise(sights, point + step);
+    const Normal next = linearize(sights, point + step);
     if (next.bad_camera == nullptr && next.cost <= normal.cost) {
       point += step;
       normal = next;

@@ -3,12 +3,11 @@
 
 #include <algorithm>
 
-#include "blend_kernels.hpp"
+#include "image/blend_kernels.hpp"
 #include "sightline/base/check.hpp"
 #include "sightline/base/cpu.hpp"
 
-namespace sightline {
-namespace blend {
+namespace sightline::image::blend {
 
 void plane_row_scalar(uint8_t* frame, const uint8_t* color, const uint8_t* alpha, int n) {
   for (int i = 0; i < n; ++i) frame[i] = over(frame[i], color[i], alpha[i]);
@@ -61,7 +60,11 @@ void check_tile(const OverlayTileView& tile) {
 }
 
 }  // namespace
-}  // namespace blend
+}  // namespace sightline::image::blend
+
+namespace sightline {
+
+using namespace image;
 
 void blend_tile(const OverlayTileView& tile, const MutableI420View& frame) {
   blend::check_tile(tile);

@@ -3,9 +3,9 @@
 
 #include <array>
 
-#include "blend_kernels.hpp"
+#include "image/blend_kernels.hpp"
 
-namespace sightline::blend {
+namespace sightline::image::blend {
 namespace {
 
 __m256i load(const uint8_t* p) { return _mm256_loadu_si256(reinterpret_cast<const __m256i*>(p)); }
@@ -93,4 +93,4 @@ void pair_row_avx2(uint8_t* frame_uv, const uint8_t* u, const uint8_t* v, const 
   store(frame_uv + 2 * last, over32(load(frame_uv + 2 * last), c, a));
 }
 
-}  // namespace sightline::blend
+}  // namespace sightline::image::blend

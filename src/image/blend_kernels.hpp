@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-namespace sightline::blend {
+namespace sightline::image::blend {
 
 /// in * (255 - alpha) / 255, rounded to nearest; exact for all 8-bit values and within 16 bits.
 constexpr uint8_t attenuate(uint8_t in, uint8_t alpha) {
@@ -11,13 +11,13 @@ constexpr uint8_t attenuate(uint8_t in, uint8_t alpha) {
   return static_cast<uint8_t>((t + (t >> 8)) >> 8);
 }
 
-/// One blended byte; saturates where a colour is not premultiplied as it should be.
+/// One blended byte; saturates where a color is not premultiplied as it should be.
 constexpr uint8_t over(uint8_t in, uint8_t color, uint8_t alpha) {
   const unsigned sum = static_cast<unsigned>(color) + attenuate(in, alpha);
   return static_cast<uint8_t>(sum > 255u ? 255u : sum);
 }
 
-/// One row of a plane: `n` bytes of frame, colour and alpha.
+/// One row of a plane: `n` bytes of frame, color and alpha.
 using PlaneRow = void (*)(uint8_t* frame, const uint8_t* color, const uint8_t* alpha, int n);
 /// One row of interleaved chroma: `n` pairs.
 using PairRow = void (*)(uint8_t* frame_uv, const uint8_t* u, const uint8_t* v,
@@ -41,4 +41,4 @@ void pair_row_avx2(uint8_t* frame_uv, const uint8_t* u, const uint8_t* v, const 
 constexpr Kernels kAvx2{&plane_row_avx2, &pair_row_avx2};
 #endif
 
-}  // namespace sightline::blend
+}  // namespace sightline::image::blend

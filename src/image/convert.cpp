@@ -20,7 +20,7 @@ constexpr uint8_t kNeutralChroma = 128;
 
 int to_int(ptrdiff_t n) { return static_cast<int>(n); }
 
-// Where the planes of a raw picture lie. `second` and `third` are chroma; 0 rows where absent.
+// Where the planes of a raw image lie. `second` and `third` are chroma; 0 rows where absent.
 struct RawLayout {
   ptrdiff_t stride = 0;    // of the first plane
   ptrdiff_t row = 0;       // bytes used in a row of it
@@ -31,7 +31,7 @@ struct RawLayout {
 
 Result<RawLayout> layout_of(PixelFormat format, int width, int height, ptrdiff_t stride) {
   if (width < 1 || height < 1 || width > kMaxSide || height > kMaxSide) {
-    return make_error(ErrorCode::kInvalidInput, "", "picture size {}x{} is outside 1..{}", width,
+    return make_error(ErrorCode::kInvalidInput, "", "image size {}x{} is outside 1..{}", width,
                       height, kMaxSide);
   }
   const ptrdiff_t half = (width + 1) / 2;
@@ -47,7 +47,7 @@ Result<RawLayout> layout_of(PixelFormat format, int width, int height, ptrdiff_t
     case PixelFormat::kUyvy:
       layout = {stride ? stride : 4 * half, 4 * half, 0, 0, 0};
       break;
-    case PixelFormat::kGrey:
+    case PixelFormat::kGray:
       layout = {stride ? stride : width, width, 0, 0, 0};
       break;
     case PixelFormat::kY10:
@@ -86,11 +86,11 @@ constexpr uint8_t compress_range(uint32_t value) {
   return static_cast<uint8_t>(16u + (value * 219u + 127u) / 255u);
 }
 
-void grey_row(const uint8_t* from, uint8_t* to, int width) {
+void gray_row(const uint8_t* from, uint8_t* to, int width) {
   for (int x = 0; x < width; ++x) to[x] = compress_range(from[x]);
 }
 
-void deep_grey_row(const uint8_t* from, uint8_t* to, int width, unsigned shift) {
+void deep_gray_row(const uint8_t* from, uint8_t* to, int width, unsigned shift) {
   for (int x = 0; x < width; ++x) {
     const uint32_t value = from[2 * x] | static_cast<uint32_t>(from[2 * x + 1]) << 8;
     to[x] = compress_range(std::min(value >> shift, 255u));
@@ -103,14 +103,14 @@ void fill(const MutablePlaneView& plane, uint8_t value) {
   }
 }
 
-void grey_to_i420(PixelFormat format, const uint8_t* from, ptrdiff_t stride,
+void gray_to_i420(PixelFormat format, const uint8_t* from, ptrdiff_t stride,
                   const MutableI420View& to) {
   const unsigned shift = format == PixelFormat::kY10 ? 2 : format == PixelFormat::kY12 ? 4 : 8;
   for (int y = 0; y < to.height(); ++y) {
-    if (format == PixelFormat::kGrey) {
-      grey_row(from + y * stride, to.y.row(y), to.width());
+    if (format == PixelFormat::kGray) {
+      gray_row(from + y * stride, to.y.row(y), to.width());
     } else {
-      deep_grey_row(from + y * stride, to.y.row(y), to.width(), shift);
+      deep_gray_row(from + y * stride, to.y.row(y), to.width(), shift);
     }
   }
   fill(to.u, kNeutralChroma);
@@ -138,7 +138,7 @@ std::string_view to_string(PixelFormat format) {
       return "YUYV";
     case PixelFormat::kUyvy:
       return "UYVY";
-    case PixelFormat::kGrey:
+    case PixelFormat::kGray:
       return "GREY";
     case PixelFormat::kY10:
       return "Y10";
@@ -165,7 +165,7 @@ void copy_i420(const I420View& from, const MutableI420View& to) {
                    to_int(to.u.stride), to.v.data, to_int(to.v.stride), to.width(), to.height());
 }
 
-Result<size_t> raw_picture_bytes(PixelFormat format, int width, int height, ptrdiff_t stride) {
+Result<size_t> raw_image_bytes(PixelFormat format, int width, int height, ptrdiff_t stride) {
   SL_ASSIGN(const RawLayout layout, layout_of(format, width, height, stride));
   return static_cast<size_t>(bytes_needed(layout, height));
 }
@@ -176,7 +176,7 @@ Status raw_to_i420(PixelFormat format, std::span<const uint8_t> bytes, ptrdiff_t
   SL_ASSIGN(const RawLayout layout, layout_of(format, width, height, stride));
   const auto needed = static_cast<size_t>(bytes_needed(layout, height));
   if (bytes.size() < needed) {
-    return make_error(ErrorCode::kDamaged, "", "a {}x{} {} picture needs {} bytes, {} came", width,
+    return make_error(ErrorCode::kDamaged, "", "a {}x{} {} image needs {} bytes, {} came", width,
                       height, to_string(format), needed, bytes.size());
   }
   const uint8_t* const first = bytes.data();
@@ -210,11 +210,11 @@ Status raw_to_i420(PixelFormat format, std::span<const uint8_t> bytes, ptrdiff_t
       failed = packed_to_i420(&libyuv::RGB24ToI420, first, layout.stride, to);
       break;
     default:
-      grey_to_i420(format, first, layout.stride, to);
+      gray_to_i420(format, first, layout.stride, to);
       break;
   }
   if (failed != 0) {
-    return make_error(ErrorCode::kInternal, "", "libyuv refused a {}x{} {} picture", width, height,
+    return make_error(ErrorCode::kInternal, "", "libyuv refused a {}x{} {} image", width, height,
                       to_string(format));
   }
   return {};

@@ -11,7 +11,7 @@ namespace sightline {
 namespace {
 
 bool luma_comes_first(PixelFormat format) {
-  return format == PixelFormat::kGrey || format == PixelFormat::kI420 ||
+  return format == PixelFormat::kGray || format == PixelFormat::kI420 ||
          format == PixelFormat::kNv12;
 }
 
@@ -31,51 +31,50 @@ I420View planes_of(const FrameInfo& info, const FramePayload& payload) {
 
 }  // namespace
 
-Frame::Frame(Key, const FrameInfo& info, FramePayload payload, std::shared_ptr<PicturePool> pool,
-             std::shared_ptr<const Picture> picture)
+Frame::Frame(Key, const FrameInfo& info, FramePayload payload, std::shared_ptr<ImagePool> pool,
+             std::shared_ptr<const Image> image)
     : info_(info),
       payload_(std::move(payload)),
       pool_(std::move(pool)),
-      decoded_(picture != nullptr),
-      picture_(std::move(picture)) {}
+      decoded_(image != nullptr),
+      image_(std::move(image)) {}
 
-FramePtr Frame::decoded(const FrameInfo& info, std::shared_ptr<const Picture> picture,
-                        FramePayload payload, std::shared_ptr<PicturePool> pool) {
-  SL_CHECK(picture != nullptr, "a decoded frame has a picture");
-  SL_CHECK(picture->width() == info.width && picture->height() == info.height,
-           "frame and picture differ in size");
+FramePtr Frame::decoded(const FrameInfo& info, std::shared_ptr<const Image> image,
+                        FramePayload payload, std::shared_ptr<ImagePool> pool) {
+  SL_CHECK(image != nullptr, "a decoded frame has an image");
+  SL_CHECK(image->width() == info.width && image->height() == info.height,
+           "frame and image differ in size");
   return std::allocate_shared<const Frame>(RecyclingAllocator<Frame>(), Key(), info,
-                                           std::move(payload), std::move(pool), std::move(picture));
+                                           std::move(payload), std::move(pool), std::move(image));
 }
 
-FramePtr Frame::raw(const FrameInfo& info, FramePayload payload,
-                    std::shared_ptr<PicturePool> pool) {
-  const auto needed = raw_picture_bytes(info.format, info.width, info.height, payload.stride);
-  SL_CHECK(needed.has_value(), "the source passed a format or size that is no raw picture");
+FramePtr Frame::raw(const FrameInfo& info, FramePayload payload, std::shared_ptr<ImagePool> pool) {
+  const auto needed = raw_image_bytes(info.format, info.width, info.height, payload.stride);
+  SL_CHECK(needed.has_value(), "the source passed a format or size that is no raw image");
   SL_CHECK(payload.bytes.size() >= *needed, "the source passed a payload that is too small");
-  SL_CHECK(pool != nullptr, "a raw frame needs a pool for its picture");
+  SL_CHECK(pool != nullptr, "a raw frame needs a pool for its image");
   return std::allocate_shared<const Frame>(RecyclingAllocator<Frame>(), Key(), info,
                                            std::move(payload), std::move(pool), nullptr);
 }
 
 I420View Frame::i420() const {
-  std::call_once(picture_once_, [this] {
+  std::call_once(image_once_, [this] {
     if (decoded_ || info_.format == PixelFormat::kI420) return;
-    auto picture = pool_->get();
+    auto image = pool_->get();
     const Status status =
-        raw_to_i420(info_.format, payload_.bytes, payload_.stride, picture->mutable_view());
+        raw_to_i420(info_.format, payload_.bytes, payload_.stride, image->mutable_view());
     SL_CHECK(status.has_value(), "raw() checked the sizes");
-    picture_ = std::move(picture);
-    picture_made_.store(true, std::memory_order_release);
+    image_ = std::move(image);
+    image_made_.store(true, std::memory_order_release);
   });
-  return picture_ ? picture_->view() : planes_of(info_, payload_);
+  return image_ ? image_->view() : planes_of(info_, payload_);
 }
 
 void Frame::copy_i420_to(const MutableI420View& to) const {
   SL_CHECK(to.y.width == info_.width && to.y.height == info_.height,
-           "frame and picture differ in size");
+           "frame and image differ in size");
   const bool there = decoded_ || info_.format == PixelFormat::kI420;
-  if (there || picture_made_.load(std::memory_order_acquire)) {
+  if (there || image_made_.load(std::memory_order_acquire)) {
     copy_i420(i420(), to);
     return;
   }
@@ -83,17 +82,17 @@ void Frame::copy_i420_to(const MutableI420View& to) const {
   SL_CHECK(status.has_value(), "raw() checked the sizes");
 }
 
-PlaneView Frame::grey() const {
+PlaneView Frame::gray() const {
   if (!decoded_ && luma_comes_first(info_.format)) return luma_of(info_, payload_);
   return i420().y;
 }
 
-PlaneView Frame::half_grey() const {
+PlaneView Frame::half_gray() const {
   const int width = info_.width / 2, height = info_.height / 2;
   if (width == 0 || height == 0) return {};
   std::call_once(half_once_, [&] {
-    auto half = pool_ ? pool_->get_half() : std::make_shared<Picture>(width, height);
-    halve_plane(grey(), half->mutable_view().y);
+    auto half = pool_ ? pool_->get_half() : std::make_shared<Image>(width, height);
+    halve_plane(gray(), half->mutable_view().y);
     half_ = std::move(half);
   });
   return half_->view().y;

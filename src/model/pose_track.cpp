@@ -59,7 +59,7 @@ PoseEstimate interpolate(const PoseEstimate& a, const PoseEstimate& b, Time time
   result.twist = (1 - s) * a.twist + s * b.twist;
   result.covariance = (1 - s) * a.covariance + s * b.covariance;
   result.alternatives = (1 - s) * a.alternatives + s * b.alternatives;
-  result.doubts = a.doubts | b.doubts;
+  result.degraded_reasons = a.degraded_reasons | b.degraded_reasons;
   result.cameras = 0;
   return result;
 }
@@ -82,13 +82,13 @@ std::string_view to_string(TrackState state) {
   return "unknown";
 }
 
-std::string to_string(Doubts doubts, std::string_view separator) {
+std::string to_string(DegradedReasons degraded_reasons, std::string_view separator) {
   static constexpr std::array<std::string_view, 7> kNames = {
       "unconfirmed",   "several_poses", "ambiguous",   "weak_position",
       "weak_rotation", "one_camera",    "contradicted"};
   std::string text;
   for (size_t i = 0; i < kNames.size(); ++i) {
-    if ((doubts >> i & 1) == 0) continue;
+    if ((degraded_reasons >> i & 1) == 0) continue;
     if (!text.empty()) text += separator;
     text += kNames[i];
   }

@@ -1,15 +1,94 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "csv.hpp"
+#include "record/csv.hpp"
 
-namespace sightline {
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
-std::optional<CsvLines::Line> CsvLines::next() {
-  if (rest_.empty()) return std::nullopt;
-  const size_t end = rest_.find('\n');
-  Line line{rest_.substr(0, end), ++number_, end != std::string_view::npos};
+#include <cerrno>
+#include <cstring>
+
+namespace sightline::record {
+
+namespace {
+
+constexpr size_t kPiece = size_t{1} << 20;
+constexpr size_t kLongestLine = size_t{64} << 10;
+constexpr size_t kMostZeros = size_t{64} << 20;
+
+}  // namespace
+
+Result<CsvLines> CsvLines::open(const std::filesystem::path& path) {
+  CsvLines lines({}, path.string());
+  // O_NONBLOCK: opening a FIFO by mistake must not hang.
+  lines.file_ = UniqueFd(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+  if (!lines.file_.is_open()) {
+    const bool missing = errno == ENOENT || errno == ENOTDIR || errno == ELOOP;
+    return make_error(missing ? ErrorCode::kNotFound : ErrorCode::kIo, lines.where_,
+                      "cannot open: {}", std::strerror(errno));
+  }
+  struct stat info {};
+  if (::fstat(lines.file_.get(), &info) != 0 || !S_ISREG(info.st_mode)) {
+    return make_error(ErrorCode::kInvalidInput, lines.where_, "not a regular file");
+  }
+  return lines;
+}
+
+Status CsvLines::fill() {
+  const size_t kept = rest_.size();
+  if (buffer_.size() < kLongestLine + kPiece) buffer_.resize(kLongestLine + kPiece);
+  std::memmove(buffer_.data(), rest_.data(), kept);
+  rest_ = {buffer_.data(), kept};
+  ssize_t got = 0;
+  do {
+    got = ::read(file_.get(), buffer_.data() + kept, kPiece);
+  } while (got < 0 && errno == EINTR);
+  if (got < 0) {
+    return make_error(ErrorCode::kIo, where_, "cannot read: {}", std::strerror(errno));
+  }
+  if (got == 0) {
+    file_.reset();
+    return {};
+  }
+  const std::string_view piece(buffer_.data() + kept, static_cast<size_t>(got));
+  const size_t used = piece.find_last_not_of('\0') + 1;
+  if (used > 0 && zeros_ > 0) {
+    return make_error(ErrorCode::kInvalidInput, where_,
+                      "{} zeros after line {}, and more text behind them; the "
+                      "file is damaged",
+                      zeros_, number_);
+  }
+  zeros_ += piece.size() - used;
+  if (zeros_ > kMostZeros) {
+    return make_error(ErrorCode::kInvalidInput, where_,
+                      "more than {} zeros after line {}; the file is damaged: cut it there",
+                      kMostZeros, number_);
+  }
+  rest_ = {buffer_.data(), kept + used};
+  return {};
+}
+
+Error CsvLines::too_long() const {
+  return make_error(ErrorCode::kInvalidInput, line_of(where_, number_ + 1),
+                    "a line of more than {} bytes; this is no CSV file of a recording",
+                    kLongestLine);
+}
+
+Result<std::optional<CsvLines::Line>> CsvLines::next() {
+  size_t end = rest_.find('\n');
+  while (end == std::string_view::npos && file_.is_open()) {
+    if (rest_.size() > kLongestLine) return too_long();
+    const size_t searched = rest_.size();
+    SL_RETURN_IF_ERROR(fill());
+    end = rest_.find('\n', searched);
+  }
+  if (rest_.empty()) return std::optional<Line>();
+  Line line{rest_.substr(0, end), number_ + 1, end != std::string_view::npos};
+  if (line.text.size() > kLongestLine) return too_long();
+  ++number_;
   rest_.remove_prefix(line.ended ? end + 1 : rest_.size());
   if (line.text.ends_with('\r')) line.text.remove_suffix(1);
-  return line;
+  return std::optional(line);
 }
 
 void split_fields(std::string_view line, std::vector<std::string_view>& fields) {
@@ -44,10 +123,10 @@ Result<double> parse_finite(std::string_view field, const char* column, const st
   return value;
 }
 
-Status check_header(const std::optional<CsvLines::Line>& line, std::string_view header,
-                    const std::string& where) {
+Status check_header(CsvLines& lines, std::string_view header) {
+  SL_ASSIGN(const auto line, lines.next());
   if (line && line->text == header) return {};
-  return make_error(ErrorCode::kInvalidInput, line_of(where, 1),
+  return make_error(ErrorCode::kInvalidInput, line_of(lines.where(), 1),
                     "first line is '{}', expected '{}'", line ? line->text.substr(0, 100) : "",
                     header);
 }
@@ -59,4 +138,4 @@ Status check_field_count(size_t found, size_t expected, std::string_view header,
                     found, expected, header);
 }
 
-}  // namespace sightline
+}  // namespace sightline::record

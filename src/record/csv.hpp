@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cmath>
 #include <concepts>
+#include <filesystem>
 #include <limits>
 #include <optional>
 #include <string>
@@ -12,25 +13,42 @@
 
 #include "sightline/base/result.hpp"
 #include "sightline/base/time.hpp"
+#include "sightline/base/unique_fd.hpp"
 
-namespace sightline {
+namespace sightline::record {
 
-/// Lines of a CSV file without quoting, as this project writes them.
+/// Lines of a CSV file without quoting, as this project writes them. NULs at the end are ignored:
+/// file systems leave them after a power cut.
 class CsvLines {
  public:
-  /// NULs at the end are ignored: file systems leave them after a power cut.
-  explicit CsvLines(std::string_view text)
-      : rest_(text.substr(0, text.find_last_not_of('\0') + 1)) {}
+  /// `text` must live longer.
+  CsvLines(std::string_view text, std::string where)
+      : where_(std::move(where)), rest_(text.substr(0, text.find_last_not_of('\0') + 1)) {}
+  /// A regular file of any length, read a piece at a time.
+  static Result<CsvLines> open(const std::filesystem::path& path);
 
   struct Line {
-    std::string_view text;  ///< without line end
+    std::string_view text;  ///< without line end; valid until the next call
     size_t number = 0;      ///< from 1
     bool ended = false;     ///< false: the file stops inside this line
   };
-  std::optional<Line> next();
+  /// Empty at the end. Fails where the file cannot be read, or has a line or a stretch of zeros
+  /// that no recording has.
+  Result<std::optional<Line>> next();
+
+  /// Name of the file, for errors.
+  const std::string& where() const { return where_; }
 
  private:
-  std::string_view rest_;
+  /// Appends the next piece of the file to what is left of the buffer.
+  Status fill();
+  Error too_long() const;
+
+  std::string where_;
+  UniqueFd file_;             ///< closed: everything is in rest_
+  std::vector<char> buffer_;  ///< stays in place when this moves, unlike a short string
+  size_t zeros_ = 0;          ///< read, and left out unless more than zeros follows
+  std::string_view rest_;     ///< into buffer_, or the text
   size_t number_ = 0;
 };
 
@@ -66,12 +84,11 @@ Result<Time> parse_time(std::string_view field, const char* column, const std::s
 Result<double> parse_finite(std::string_view field, const char* column, const std::string& where,
                             size_t line);
 
-/// Refuses a first line other than `header`.
-Status check_header(const std::optional<CsvLines::Line>& line, std::string_view header,
-                    const std::string& where);
+/// Takes the first line and refuses any other than `header`.
+Status check_header(CsvLines& lines, std::string_view header);
 
 /// Refuses a row with another number of fields than the header has.
 Status check_field_count(size_t found, size_t expected, std::string_view header,
                          const std::string& where, size_t line);
 
-}  // namespace sightline
+}  // namespace sightline::record

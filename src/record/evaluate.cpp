@@ -13,7 +13,7 @@ constexpr double kDegreesPerRadian = 180.0 / std::numbers::pi;
 
 using Truth = std::vector<const TruthRow*>;  ///< of one object, by time
 
-/// Truth at `time` on the geodesic of SE(3) between its neighbours; nothing outside.
+/// Truth at `time` on the geodesic of SE(3) between its neighbors; nothing outside.
 std::optional<Rigid3> truth_at(const Truth& truth, Time time, Duration max_gap) {
   const auto after = std::lower_bound(truth.begin(), truth.end(), time,
                                       [](const TruthRow* row, Time t) { return row->time < t; });
@@ -88,49 +88,101 @@ size_t count_covered(const Truth& truth, const std::vector<Time>& claimed, Durat
   }));
 }
 
-ObjectEvaluation evaluate_object(const std::string& name, const Truth& truth,
-                                 std::span<const PoseLogRow> poses,
-                                 const EvaluateOptions& options) {
-  const auto known = options.symmetry.find(name);
-  const SymmetryOption symmetry =
-      known == options.symmetry.end() ? SymmetryOption{} : known->second;
-  ObjectEvaluation out;
-  out.object = name;
-  Errors all;
-  std::map<TrackState, Errors> by_state;
-  std::map<TrackState, Normalized> normalized;
-  std::vector<Time> claimed;
-  for (const PoseLogRow& row : poses) {
-    if (row.object != name) continue;
-    ++out.rows;
-    ++out.state_rows[static_cast<size_t>(row.state)];
-    const auto there = truth_at(truth, row.time, options.max_truth_gap);
-    if (there) ++out.judged;
-    if (!row.world_from_object) continue;
-    claimed.push_back(row.time);
-    if (!there) {
-      ++out.outside_truth;
-      continue;
-    }
-    const PoseError error = pose_error(*there, *row.world_from_object, symmetry);
-    all.add(error);
-    by_state[row.state].add(error);
-    normalized[row.state].add(error, row);
-    if (error.mm <= options.success_translation_mm && error.deg <= options.success_rotation_deg) {
-      ++out.within;
-    }
-    const bool off =
-        error.mm > options.wrong_translation_mm || error.deg > options.wrong_rotation_deg;
-    if (off && row.state == TrackState::kTracking) out.wrong_claims.push_back(row.time);
+// Compares the rows of one object with its truth.
+class ObjectJudge {
+ public:
+  ObjectJudge(const std::string& name, const Truth& truth, const EvaluateOptions& options)
+      : truth_(truth), options_(options) {
+    const auto symmetry = options.symmetry.find(name);
+    if (symmetry != options.symmetry.end()) symmetry_ = symmetry->second;
+    const auto shape = options.shape.find(name);
+    if (shape != options.shape.end()) shape_ = shape->second;
+    out_.object = name;
+    if (!shape_.symmetries.empty()) out_.up_to_symmetry.emplace();
   }
-  std::sort(claimed.begin(), claimed.end());
-  out.truth_times = truth.size();
-  out.covered = count_covered(truth, claimed, options.coverage_tolerance);
-  out.all = all.summary();
-  for (auto& [state, errors] : by_state) out.by_state[state] = errors.summary();
-  for (const auto& [state, errors] : normalized) out.normalized[state] = errors.summary();
-  return out;
-}
+
+  void add(const PoseLogRow& row) {
+    ++out_.rows;
+    ++out_.state_rows[static_cast<size_t>(row.state)];
+    const Duration gap = options_.keyframes ? Duration(0) : options_.max_truth_gap;
+    const auto there = truth_at(truth_, row.time, gap);
+    if (there) ++out_.judged;
+    if (!row.world_from_object) return;
+    claimed_.push_back(row.time);
+    if (!there) {
+      ++out_.outside_truth;
+      return;
+    }
+    const PoseError error = pose_error(*there, *row.world_from_object, symmetry_, shape_);
+    all_.add(error);
+    by_state_[row.state].add(error);
+    normalized_[row.state].add(error, row);
+    count_within(row.time, within(error), out_.within, key_frames_within_);
+    if (is_wrong_claim(error, row)) out_.wrong_claims.push_back(row.time);
+    if (out_.up_to_symmetry) add_up_to_symmetry(*there, row);
+  }
+
+  ObjectEvaluation finish() {
+    std::sort(claimed_.begin(), claimed_.end());
+    out_.truth_times = truth_.size();
+    const Duration tolerance = options_.keyframes ? Duration(0) : options_.coverage_tolerance;
+    out_.covered = count_covered(truth_, claimed_, tolerance);
+    if (options_.keyframes) {
+      out_.judged = truth_.size();
+      out_.within = key_frames_within_.size();
+      if (out_.up_to_symmetry) out_.up_to_symmetry->within = key_frames_within_symmetric_.size();
+    }
+    out_.all = all_.summary();
+    if (out_.up_to_symmetry) out_.up_to_symmetry->all = up_to_symmetry_.summary();
+    for (auto& [state, errors] : by_state_) out_.by_state[state] = errors.summary();
+    for (const auto& [state, errors] : normalized_) out_.normalized[state] = errors.summary();
+    return std::move(out_);
+  }
+
+ private:
+  bool within(const PoseError& error) const {
+    return error.mm <= options_.success_translation_mm &&
+           error.deg <= options_.success_rotation_deg;
+  }
+
+  // Several rows may be of one key frame (a row for each camera): that is judged by the last one.
+  void count_within(Time time, bool is_within, size_t& rows, std::set<Time>& key_frames) const {
+    if (is_within) {
+      ++rows;
+      key_frames.insert(time);
+    } else {
+      key_frames.erase(time);
+    }
+  }
+
+  bool is_wrong_claim(const PoseError& error, const PoseLogRow& row) const {
+    return row.state == TrackState::kTracking &&
+           (error.mm > options_.wrong_translation_mm || error.deg > options_.wrong_rotation_deg);
+  }
+
+  void add_up_to_symmetry(const Rigid3& truth, const PoseLogRow& row) {
+    PoseError best = pose_error(truth, *row.world_from_object, symmetry_, shape_);
+    for (const Rigid3& rotation : shape_.symmetries) {
+      const PoseError other =
+          pose_error(truth * rotation, *row.world_from_object, symmetry_, shape_);
+      if (other.deg < best.deg) best = other;
+    }
+    up_to_symmetry_.add(best);
+    count_within(row.time, within(best), out_.up_to_symmetry->within, key_frames_within_symmetric_);
+    if (is_wrong_claim(best, row)) ++out_.up_to_symmetry->wrong_claims;
+  }
+
+  const Truth& truth_;
+  const EvaluateOptions& options_;
+  SymmetryOption symmetry_;
+  EvaluatedShape shape_;
+  ObjectEvaluation out_;
+  Errors all_, up_to_symmetry_;
+  std::map<TrackState, Errors> by_state_;
+  std::map<TrackState, Normalized> normalized_;
+  std::vector<Time> claimed_;
+  std::set<Time> key_frames_within_, key_frames_within_symmetric_;
+};
 
 }  // namespace
 
@@ -142,7 +194,7 @@ double ObjectEvaluation::success() const {
   return judged == 0 ? 0.0 : static_cast<double>(within) / static_cast<double>(judged);
 }
 
-Rigid3 nearest_alike(const Rigid3& truth, const Rigid3& pose, const SymmetryOption& symmetry) {
+Rigid3 nearest_symmetric(const Rigid3& truth, const Rigid3& pose, const SymmetryOption& symmetry) {
   const Eigen::Vector3d axis = symmetry.axis.normalized();
   const auto turned = [&](double angle) {
     return Rigid3(truth.rotation * Eigen::AngleAxisd(angle, axis), truth.translation);
@@ -161,9 +213,10 @@ Rigid3 nearest_alike(const Rigid3& truth, const Rigid3& pose, const SymmetryOpti
   return nearest;
 }
 
-PoseError pose_error(const Rigid3& truth, const Rigid3& pose, const SymmetryOption& symmetry) {
-  return {1e3 * translation_distance(truth, pose),
-          kDegreesPerRadian * rotation_angle(nearest_alike(truth, pose, symmetry), pose)};
+PoseError pose_error(const Rigid3& truth, const Rigid3& pose, const SymmetryOption& symmetry,
+                     const EvaluatedShape& shape) {
+  return {1e3 * (truth * shape.center - pose * shape.center).norm(),
+          kDegreesPerRadian * rotation_angle(nearest_symmetric(truth, pose, symmetry), pose)};
 }
 
 Evaluation evaluate(std::span<const TruthRow> truth, std::span<const PoseLogRow> poses,
@@ -171,10 +224,15 @@ Evaluation evaluate(std::span<const TruthRow> truth, std::span<const PoseLogRow>
   std::map<std::string, Truth> by_object;
   for (const auto& row : truth) by_object[row.object].push_back(&row);
   Evaluation out;
+  out.keyframes = options.keyframes;
   for (auto& [name, rows] : by_object) {
     std::stable_sort(rows.begin(), rows.end(),
                      [](const TruthRow* a, const TruthRow* b) { return a->time < b->time; });
-    out.objects.push_back(evaluate_object(name, rows, poses, options));
+    ObjectJudge judge(name, rows, options);
+    for (const PoseLogRow& row : poses) {
+      if (row.object == name) judge.add(row);
+    }
+    out.objects.push_back(judge.finish());
   }
   std::set<std::string> unknown;
   for (const auto& row : poses) {

@@ -16,6 +16,10 @@ std::string error_line(const std::string& name, const ErrorSummary& e) {
                      e.count, e.median_mm, e.p95_mm, e.max_mm, e.median_deg, e.p95_deg, e.max_deg);
 }
 
+double share_of(size_t part, size_t all) {
+  return all == 0 ? 0.0 : 100.0 * static_cast<double>(part) / static_cast<double>(all);
+}
+
 ordered_json to_json(const ErrorSummary& e) {
   return {{"count", e.count},    {"median_mm", e.median_mm},   {"p95_mm", e.p95_mm},
           {"max_mm", e.max_mm},  {"median_deg", e.median_deg}, {"p95_deg", e.p95_deg},
@@ -42,21 +46,27 @@ ordered_json to_json(const ObjectEvaluation& object) {
   }
   ordered_json wrong = ordered_json::array();
   for (const Time time : object.wrong_claims) wrong.push_back(to_ns(time));
-  return {{"object", object.object},
-          {"rows", object.rows},
-          {"state_rows", rows},
-          {"errors", to_json(object.all)},
-          {"errors_by_state", states},
-          {"normalized_by_state", normalized},
-          {"success", object.success()},
-          {"judged", object.judged},
-          {"within", object.within},
-          {"outside_truth", object.outside_truth},
-          {"wrong_claims", object.wrong_claims.size()},
-          {"wrong_claim_times_ns", wrong},
-          {"truth_times", object.truth_times},
-          {"covered", object.covered},
-          {"coverage", object.coverage()}};
+  ordered_json out = {{"object", object.object},
+                      {"rows", object.rows},
+                      {"state_rows", rows},
+                      {"errors", to_json(object.all)},
+                      {"errors_by_state", states},
+                      {"normalized_by_state", normalized},
+                      {"success", object.success()},
+                      {"judged", object.judged},
+                      {"within", object.within},
+                      {"outside_truth", object.outside_truth},
+                      {"wrong_claims", object.wrong_claims.size()},
+                      {"wrong_claim_times_ns", wrong},
+                      {"truth_times", object.truth_times},
+                      {"covered", object.covered},
+                      {"coverage", object.coverage()}};
+  if (object.up_to_symmetry) {
+    out["up_to_symmetry"] = {{"errors", to_json(object.up_to_symmetry->all)},
+                             {"within", object.up_to_symmetry->within},
+                             {"wrong_claims", object.up_to_symmetry->wrong_claims}};
+  }
+  return out;
 }
 
 }  // namespace
@@ -86,6 +96,13 @@ std::string to_text(const Evaluation& evaluation) {
     }
     text += fmt::format("  within 5 cm + 5 deg {:.1f} % ({} of {})\n", 100.0 * object.success(),
                         object.within, object.judged);
+    if (object.up_to_symmetry) {
+      text += error_line("symmetric", object.up_to_symmetry->all);
+      text += fmt::format("  symmetric: within 5 cm + 5 deg {:.1f} % ({} of {}), wrong claims {}\n",
+                          share_of(object.up_to_symmetry->within, object.judged),
+                          object.up_to_symmetry->within, object.judged,
+                          object.up_to_symmetry->wrong_claims);
+    }
     text += fmt::format("  wrong claims {}, outside the truth {}, coverage {:.1f} % ({} of {})\n",
                         object.wrong_claims.size(), object.outside_truth, 100.0 * object.coverage(),
                         object.covered, object.truth_times);
@@ -99,7 +116,9 @@ std::string to_text(const Evaluation& evaluation) {
 std::string to_json(const Evaluation& evaluation) {
   ordered_json objects = ordered_json::array();
   for (const auto& object : evaluation.objects) objects.push_back(to_json(object));
-  const ordered_json all = {{"objects", objects}, {"without_truth", evaluation.without_truth}};
+  const ordered_json all = {{"keyframes", evaluation.keyframes},
+                            {"objects", objects},
+                            {"without_truth", evaluation.without_truth}};
   // Names come from files: bytes that are not UTF-8 are replaced instead of thrown over.
   return all.dump(2, ' ', false, ordered_json::error_handler_t::replace) + "\n";
 }

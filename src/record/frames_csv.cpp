@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 
-#include "csv.hpp"
+#include "record/csv.hpp"
 #include "sightline/record/recording.hpp"
 
 namespace sightline {
+
+using namespace record;
+
 namespace {
 
 constexpr std::string_view kHeader = "camera,sequence,capture_ns,arrival_ns,dropped_before";
@@ -70,36 +73,48 @@ class FramesParser {
     }
   }
 
-  std::vector<std::vector<RecordedRow>> take() { return std::move(rows_); }
+  std::vector<RecordedRows> take() { return std::move(rows_); }
 
  private:
   const std::string& where_;
   std::span<const std::string> cameras_;
-  std::vector<std::vector<RecordedRow>> rows_;
+  std::vector<RecordedRows> rows_;
   std::vector<std::string_view> fields_;
   size_t early_ = 0, first_early_ = 0;
 };
 
-}  // namespace
-
-Result<std::vector<std::vector<RecordedRow>>> parse_frames_csv(std::string_view text,
-                                                               const std::string& where,
-                                                               std::span<const std::string> cameras,
-                                                               std::vector<std::string>* warnings) {
-  CsvLines lines(text);
-  SL_RETURN_IF_ERROR(check_header(lines.next(), kHeader, where));
-  FramesParser parser(where, cameras);
-  while (const auto line = lines.next()) {
+Result<std::vector<RecordedRows>> read_rows(CsvLines lines, std::span<const std::string> cameras,
+                                            std::vector<std::string>* warnings) {
+  SL_RETURN_IF_ERROR(check_header(lines, kHeader));
+  FramesParser parser(lines.where(), cameras);
+  for (;;) {
+    SL_ASSIGN(const auto line, lines.next());
+    if (!line) break;
     const Status status = parser.parse_line(*line);
     if (status) continue;
     if (line->ended) return status.error();
     if (warnings) {
       warnings->push_back(fmt::format("{}: the file stops inside this line; it is left out",
-                                      line_of(where, line->number)));
+                                      line_of(lines.where(), line->number)));
     }
   }
   if (warnings) parser.warn(*warnings);
   return parser.take();
+}
+
+}  // namespace
+
+Result<std::vector<RecordedRows>> parse_frames_csv(std::string_view text, const std::string& where,
+                                                   std::span<const std::string> cameras,
+                                                   std::vector<std::string>* warnings) {
+  return read_rows(CsvLines(text, where), cameras, warnings);
+}
+
+Result<std::vector<RecordedRows>> read_frames_csv(const std::filesystem::path& path,
+                                                  std::span<const std::string> cameras,
+                                                  std::vector<std::string>* warnings) {
+  SL_ASSIGN(CsvLines lines, CsvLines::open(path));
+  return read_rows(std::move(lines), cameras, warnings);
 }
 
 }  // namespace sightline

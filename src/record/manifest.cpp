@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "manifest.hpp"
+#include "record/manifest.hpp"
 
 #include <toml++/toml.h>
 
@@ -8,9 +8,13 @@
 #include <set>
 #include <sstream>
 
+#include "sightline/base/toml_nesting.hpp"
 #include "sightline/image/convert.hpp"
 
 namespace sightline {
+
+using namespace record;
+
 namespace {
 
 constexpr int kMaxSide = 16384;
@@ -86,7 +90,7 @@ class Table {
 };
 
 constexpr std::array kRawFormats = {PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kYuyv,
-                                    PixelFormat::kUyvy, PixelFormat::kGrey, PixelFormat::kY10,
+                                    PixelFormat::kUyvy, PixelFormat::kGray, PixelFormat::kY10,
                                     PixelFormat::kY12,  PixelFormat::kY16,  PixelFormat::kRgb24,
                                     PixelFormat::kBgr24};
 
@@ -146,15 +150,33 @@ Status read_cameras(const Table& root, const std::string& where, RecordingManife
   return {};
 }
 
-Status read_files(const Table& root, RecordingManifest& manifest) {
-  if (const toml::node* node = root.raw().get("objects")) {
-    if (!node->is_array()) return root.wrong(*node, "objects", "list of file names");
-    for (const auto& element : *node->as_array()) {
-      const auto file = element.value_exact<std::string>();
-      if (!file) return root.wrong(element, "objects", "list of file names");
-      SL_RETURN_IF_ERROR(root.inside(element, *file));
-      manifest.objects.push_back(*file);
-    }
+/// The texts of a list; none without the key.
+Result<std::vector<std::pair<std::string, const toml::node*>>> read_texts(const Table& root,
+                                                                          const char* key,
+                                                                          const char* expected) {
+  std::vector<std::pair<std::string, const toml::node*>> texts;
+  const toml::node* node = root.raw().get(key);
+  if (!node) return texts;
+  if (!node->is_array()) return root.wrong(*node, key, expected);
+  for (const auto& element : *node->as_array()) {
+    const auto text = element.value_exact<std::string>();
+    if (!text) return root.wrong(element, key, expected);
+    texts.emplace_back(*text, &element);
+  }
+  return texts;
+}
+
+Status read_files(const Table& root, const std::string& where, RecordingManifest& manifest) {
+  SL_ASSIGN(const auto objects, read_texts(root, "objects", "list of file names"));
+  for (const auto& [file, node] : objects) {
+    SL_RETURN_IF_ERROR(root.inside(*node, file));
+    manifest.objects.push_back(file);
+  }
+  SL_ASSIGN(const auto left_out, read_texts(root, "left_out", "list of texts"));
+  for (const auto& [sentence, node] : left_out) {
+    manifest.left_out.push_back(sentence);
+    manifest.warnings.push_back(
+        fmt::format("{}: when it was recorded, {}", place(where, node->source()), sentence));
   }
   SL_ASSIGN(manifest.scene, root.optional<std::string>("scene", "file name"));
   if (manifest.scene) SL_RETURN_IF_ERROR(root.inside(*root.raw().get("scene"), *manifest.scene));
@@ -179,10 +201,10 @@ Result<RecordingManifest> read_manifest(const toml::table& toml, const std::stri
   SL_ASSIGN(manifest.start_monotonic_ns,
             root.optional<int64_t>("start_monotonic_ns", "whole number"));
   SL_RETURN_IF_ERROR(read_cameras(root, where, manifest));
-  SL_RETURN_IF_ERROR(read_files(root, manifest));
-  root.warn_of_others(
-      {"format", "name", "start_utc", "start_monotonic_ns", "objects", "scene", "camera"},
-      manifest.warnings);
+  SL_RETURN_IF_ERROR(read_files(root, where, manifest));
+  root.warn_of_others({"format", "name", "start_utc", "start_monotonic_ns", "objects", "left_out",
+                       "scene", "camera"},
+                      manifest.warnings);
   return manifest;
 }
 
@@ -202,15 +224,21 @@ std::string toml_string(std::string_view text) {
   return out + '"';
 }
 
+std::string toml_list(const std::vector<std::string>& texts) {
+  std::string out = "[";
+  for (size_t i = 0; i < texts.size(); ++i) out += (i ? ", " : "") + toml_string(texts[i]);
+  return out + "]";
+}
+
 }  // namespace
 
-bool is_recording_codec(std::string_view codec) {
+bool record::is_recording_codec(std::string_view codec) {
   static constexpr std::array<std::string_view, 5> kCodecs = {"h264", "mpeg4", "mjpeg", "ffv1",
                                                               "rawvideo"};
   return std::find(kCodecs.begin(), kCodecs.end(), codec) != kCodecs.end();
 }
 
-bool is_plain_name(std::string_view name) {
+bool record::is_plain_name(std::string_view name) {
   return !name.empty() && name.size() <= 64 && name.front() != '.' &&
          std::all_of(name.begin(), name.end(), [](char c) {
            return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
@@ -219,26 +247,28 @@ bool is_plain_name(std::string_view name) {
 }
 
 Result<RecordingManifest> parse_recording_toml(std::string_view text, const std::string& where) {
+  SL_RETURN_IF_ERROR(check_toml_nesting(text, where));
   try {
     return read_manifest(toml::parse(text), where);
   } catch (const toml::parse_error& error) {
     return make_error(ErrorCode::kInvalidInput, place(where, error.source()), "{}",
                       error.description());
+  } catch (const std::exception& error) {
+    return make_error(ErrorCode::kInvalidInput, where, "cannot parse: {}", error.what());
   }
 }
 
-std::string format_recording_toml(const RecordingManifest& manifest) {
+std::string record::format_recording_toml(const RecordingManifest& manifest) {
   std::string text = fmt::format("format = 1\nname = {}\n", toml_string(manifest.name));
   if (!manifest.start_utc.empty()) text += fmt::format("start_utc = {}\n", manifest.start_utc);
   if (manifest.start_monotonic_ns) {
     text += fmt::format("start_monotonic_ns = {}  # the same moment in frames.csv\n",
                         *manifest.start_monotonic_ns);
   }
-  text += "objects = [";
-  for (size_t i = 0; i < manifest.objects.size(); ++i) {
-    text += (i ? ", " : "") + toml_string(manifest.objects[i]);
+  text += fmt::format("objects = {}\n", toml_list(manifest.objects));
+  if (!manifest.left_out.empty()) {
+    text += fmt::format("left_out = {}\n", toml_list(manifest.left_out));
   }
-  text += "]\n";
   if (manifest.scene) text += fmt::format("scene = {}\n", toml_string(*manifest.scene));
   for (const auto& camera : manifest.cameras) {
     text += fmt::format("\n[[camera]]\nname = {}\nfile = {}\ncodec = {}\nwidth = {}\nheight = {}\n",

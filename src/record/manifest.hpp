@@ -6,7 +6,7 @@
 
 #include "sightline/record/recording.hpp"
 
-namespace sightline {
+namespace sightline::record {
 
 /// Codecs a recording may hold: "h264", "mpeg4", "mjpeg", "ffv1", "rawvideo".
 bool is_recording_codec(std::string_view codec);
@@ -18,4 +18,4 @@ bool is_plain_name(std::string_view name);
 /// The text of recording.toml; parse_recording_toml() reads it back.
 std::string format_recording_toml(const RecordingManifest& manifest);
 
-}  // namespace sightline
+}  // namespace sightline::record

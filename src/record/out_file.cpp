@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "out_file.hpp"
+#include "record/out_file.hpp"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -8,8 +8,12 @@
 #include <cerrno>
 #include <cstring>
 
-namespace sightline {
+#include "sightline/base/waiting.hpp"
+
+namespace sightline::record {
 namespace {
+
+constexpr const char* kDisk = "the disk";
 
 Error system_error(const std::string& path, const char* tried) {
   const int code = errno;
@@ -20,6 +24,7 @@ Error system_error(const std::string& path, const char* tried) {
 }  // namespace
 
 Result<OutFile> OutFile::create(const std::filesystem::path& path, Existing existing) {
+  const Waiting wait(kDisk);
   const int how = existing == Existing::kRefuse ? O_EXCL : O_TRUNC;
   UniqueFd fd(::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | how, 0644));
   if (!fd.is_open()) return system_error(path.string(), "cannot create");
@@ -27,6 +32,7 @@ Result<OutFile> OutFile::create(const std::filesystem::path& path, Existing exis
 }
 
 Status OutFile::write(std::string_view bytes) {
+  const Waiting wait(kDisk);
   while (!bytes.empty()) {
     const ssize_t n = ::write(fd_.get(), bytes.data(), bytes.size());
     if (n < 0 && errno == EINTR) continue;
@@ -37,17 +43,20 @@ Status OutFile::write(std::string_view bytes) {
 }
 
 Status OutFile::seek(int64_t offset) {
+  const Waiting wait(kDisk);
   if (::lseek(fd_.get(), offset, SEEK_SET) < 0) return system_error(path_, "cannot seek");
   return {};
 }
 
 Result<int64_t> OutFile::size() const {
+  const Waiting wait(kDisk);
   struct stat info {};
   if (::fstat(fd_.get(), &info) != 0) return system_error(path_, "cannot stat");
   return int64_t{info.st_size};
 }
 
 Status OutFile::sync() {
+  const Waiting wait(kDisk);
   // Pipes and /dev/null cannot be synced, and need not be.
   if (::fdatasync(fd_.get()) != 0 && errno != EINVAL) return system_error(path_, "cannot sync");
   return {};
@@ -55,8 +64,9 @@ Status OutFile::sync() {
 
 Status OutFile::close() {
   if (!fd_.is_open()) return {};
+  const Waiting wait(kDisk);
   if (::close(fd_.release()) != 0) return system_error(path_, "cannot close");
   return {};
 }
 
-}  // namespace sightline
+}  // namespace sightline::record

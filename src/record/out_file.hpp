@@ -9,7 +9,7 @@
 #include "sightline/base/result.hpp"
 #include "sightline/base/unique_fd.hpp"
 
-namespace sightline {
+namespace sightline::record {
 
 /// A file that is written, unbuffered: what write() returned from survives the end of the process,
 /// what sync() returned from survives a power cut.
@@ -33,4 +33,4 @@ class OutFile {
   std::string path_;
 };
 
-}  // namespace sightline
+}  // namespace sightline::record

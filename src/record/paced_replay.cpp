@@ -4,10 +4,13 @@
 #include <limits>
 #include <mutex>
 
-#include "replay_camera.hpp"
+#include "record/replay_camera.hpp"
 #include "sightline/record/replay.hpp"
 
 namespace sightline {
+
+using namespace record;
+
 namespace {
 
 constexpr Duration kDefaultPeriod = std::chrono::milliseconds(33);
@@ -27,8 +30,9 @@ class PacedReplay final : public FrameSource {
   Result<SourceStep> next(std::stop_token stop, Duration timeout) override {
     const Time give_up = MonotonicClock::now() + timeout;
     SL_RETURN_IF_ERROR(wrap());
-    SL_RETURN_IF_ERROR(drop_late());
-    const RecordedRow* row = camera_->row();
+    SL_ASSIGN(const bool in_time, drop_late(stop, give_up));
+    if (!in_time) return SourceStep{SourceStep::Kind::kTimeout, nullptr};
+    const auto row = camera_->row();
     if (!row) return SourceStep{SourceStep::Kind::kEnd, nullptr};
     const Time due = clock_->at(row->arrival, loop_);
     if (!wait_until(stop, std::min(due, give_up)) || due > give_up) {
@@ -50,7 +54,7 @@ class PacedReplay final : public FrameSource {
 
   /// Leaves out whole turns that are over, without decoding them.
   void leave_out_turns(Time now) {
-    const RecordedRow* row = camera_->row();
+    const auto& row = camera_->row();
     if (!row || !options_.loop) return;
     const Duration late = now - options_.max_late - clock_->at(row->arrival, loop_);
     if (late < clock_->loop_period()) return;
@@ -60,20 +64,22 @@ class PacedReplay final : public FrameSource {
   }
 
   /// Passes over frames that are too late, up to the last one of a turn: a slow reader gets fresh
-  /// frames and a count, never a growing delay.
-  Status drop_late() {
+  /// frames and a count, never a growing delay. False: stopped, or the disk takes so long that
+  /// `give_up` has come; it goes on at the next call.
+  Result<bool> drop_late(const std::stop_token& stop, Time give_up) {
     const Time now = MonotonicClock::now();
     leave_out_turns(now);
     const Time oldest = now - options_.max_late;
-    while (const RecordedRow* row = camera_->row()) {
-      if (clock_->at(row->arrival, loop_) >= oldest) return {};
-      const bool last = row == &camera_->camera().rows.back();
-      if (last && !options_.loop) return {};
-      dropped_ += row->dropped_before + 1;
+    for (bool any = false;; any = true) {
+      const auto row = camera_->row();
+      if (!row || clock_->at(row->arrival, loop_) >= oldest) return true;
+      const bool last = camera_->at_last_row();
+      if (last && !options_.loop) return true;
+      if (stop.stop_requested() || (any && MonotonicClock::now() > give_up)) return false;
+      dropped_ += uint64_t{row->dropped_before} + 1;
       SL_RETURN_IF_ERROR(camera_->skip());
       if (last) SL_RETURN_IF_ERROR(wrap());
     }
-    return {};
   }
 
   /// Sequence numbers in one turn, lost frames included.

@@ -7,9 +7,12 @@
 #include <cmath>
 #include <iterator>
 
-#include "out_file.hpp"
+#include "record/out_file.hpp"
 
 namespace sightline {
+
+using namespace record;
+
 namespace {
 
 constexpr size_t kChunk = size_t{1} << 20;
@@ -24,7 +27,7 @@ double largest_sigma(const Eigen::Matrix3d& covariance) {
 Status write_point_cloud(const std::filesystem::path& path, std::span<const CloudPoint> points) {
   SL_ASSIGN(OutFile file, OutFile::create(path, OutFile::Existing::kReplace));
   std::string text = fmt::format(
-      "ply\nformat ascii 1.0\ncomment world frame, metres; kind 0 point, 1 edge, 2 corner; t in "
+      "ply\nformat ascii 1.0\ncomment world frame, meters; kind 0 point, 1 edge, 2 corner; t in "
       "seconds of the recording's clock\nelement vertex {}\nproperty float x\nproperty float y\n"
       "property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
       "property uchar kind\nproperty float sigma\nproperty double t\nend_header\n",

@@ -5,11 +5,14 @@
 #include <map>
 #include <numbers>
 
-#include "csv.hpp"
-#include "out_file.hpp"
+#include "record/csv.hpp"
+#include "record/out_file.hpp"
 #include "sightline/base/files.hpp"
 
 namespace sightline {
+
+using namespace record;
+
 namespace {
 
 constexpr std::string_view kTruthHeader = "t_ns,object,tx,ty,tz,qw,qx,qy,qz";
@@ -108,6 +111,41 @@ Result<TruthRow> parse_truth_row(const std::vector<std::string_view>& fields,
   return row;
 }
 
+Result<std::vector<PoseLogRow>> read_log_rows(CsvLines lines) {
+  SL_RETURN_IF_ERROR(check_header(lines, kPoseLogHeader));
+  std::vector<PoseLogRow> rows;
+  std::vector<std::string_view> fields;
+  for (;;) {
+    SL_ASSIGN(const auto line, lines.next());
+    if (!line) return rows;
+    split_fields(line->text, fields);
+    auto row = parse_log_row(fields, lines.where(), line->number);
+    if (row) rows.push_back(*std::move(row));
+    if (!row && line->ended) return row.error();
+  }
+}
+
+Result<std::vector<TruthRow>> read_truth_rows(CsvLines lines) {
+  SL_RETURN_IF_ERROR(check_header(lines, kTruthHeader));
+  std::vector<TruthRow> rows;
+  std::map<std::string, Time, std::less<>> last;
+  std::vector<std::string_view> fields;
+  for (;;) {
+    SL_ASSIGN(const auto line, lines.next());
+    if (!line) return rows;
+    split_fields(line->text, fields);
+    SL_ASSIGN(TruthRow row, parse_truth_row(fields, lines.where(), line->number));
+    const auto [known, is_new] = last.try_emplace(row.object, row.time);
+    if (!is_new && row.time <= known->second) {
+      return make_error(ErrorCode::kInvalidInput, line_of(lines.where(), line->number),
+                        "times of object {} do not grow: {} ns after {} ns", row.object,
+                        to_ns(row.time), to_ns(known->second));
+    }
+    known->second = row.time;
+    rows.push_back(std::move(row));
+  }
+}
+
 class BufferedPoseLog final : public PoseLogWriter {
  public:
   explicit BufferedPoseLog(OutFile file) : file_(std::move(file)) {}
@@ -183,76 +221,51 @@ Result<std::unique_ptr<PoseLogWriter>> PoseLogWriter::create(const std::filesyst
 }
 
 Result<std::vector<PoseLogRow>> parse_pose_log(std::string_view text, const std::string& where) {
-  CsvLines lines(text);
-  SL_RETURN_IF_ERROR(check_header(lines.next(), kPoseLogHeader, where));
-  std::vector<PoseLogRow> rows;
-  std::vector<std::string_view> fields;
-  while (const auto line = lines.next()) {
-    split_fields(line->text, fields);
-    auto row = parse_log_row(fields, where, line->number);
-    if (row) rows.push_back(*std::move(row));
-    if (!row && line->ended) return row.error();
-  }
-  return rows;
+  return read_log_rows(CsvLines(text, where));
 }
 
 Result<std::vector<PoseLogRow>> read_pose_log(const std::filesystem::path& path) {
-  SL_ASSIGN(const std::string text, read_file(path));
-  return parse_pose_log(text, path.string());
+  SL_ASSIGN(CsvLines lines, CsvLines::open(path));
+  return read_log_rows(std::move(lines));
 }
 
 Result<std::vector<TruthRow>> parse_truth(std::string_view text, const std::string& where) {
-  CsvLines lines(text);
-  SL_RETURN_IF_ERROR(check_header(lines.next(), kTruthHeader, where));
-  std::vector<TruthRow> rows;
-  std::map<std::string, Time, std::less<>> last;
-  std::vector<std::string_view> fields;
-  while (const auto line = lines.next()) {
-    split_fields(line->text, fields);
-    SL_ASSIGN(TruthRow row, parse_truth_row(fields, where, line->number));
-    const auto [known, is_new] = last.try_emplace(row.object, row.time);
-    if (!is_new && row.time <= known->second) {
-      return make_error(ErrorCode::kInvalidInput, line_of(where, line->number),
-                        "times of object {} do not grow: {} ns after {} ns", row.object,
-                        to_ns(row.time), to_ns(known->second));
-    }
-    known->second = row.time;
-    rows.push_back(std::move(row));
-  }
-  return rows;
+  return read_truth_rows(CsvLines(text, where));
 }
 
 Result<std::vector<TruthRow>> read_truth(const std::filesystem::path& path) {
-  SL_ASSIGN(const std::string text, read_file(path));
-  return parse_truth(text, path.string());
+  SL_ASSIGN(CsvLines lines, CsvLines::open(path));
+  return read_truth_rows(std::move(lines));
 }
 
-Result<std::vector<PictureRow>> parse_picture_list(std::string_view text,
-                                                   const std::filesystem::path& path) {
-  constexpr std::string_view kHeader = "picture,camera,tx,ty,tz,qw,qx,qy,qz";
+Result<std::vector<ImageRow>> parse_image_list(std::string_view text,
+                                               const std::filesystem::path& path) {
+  constexpr std::string_view kHeader = "image,camera,tx,ty,tz,qw,qx,qy,qz";
   const std::string where = path.string();
-  CsvLines lines(text);
-  SL_RETURN_IF_ERROR(check_header(lines.next(), kHeader, where));
-  std::vector<PictureRow> rows;
+  CsvLines lines(text, where);
+  SL_RETURN_IF_ERROR(check_header(lines, kHeader));
+  std::vector<ImageRow> rows;
   std::vector<std::string_view> fields;
-  while (const auto line = lines.next()) {
+  for (;;) {
+    SL_ASSIGN(const auto line, lines.next());
+    if (!line) break;
     split_fields(line->text, fields);
     SL_RETURN_IF_ERROR(check_field_count(fields.size(), 9, kHeader, where, line->number));
     if (fields[0].empty() || fields[1].empty()) {
       return make_error(ErrorCode::kInvalidInput, line_of(where, line->number), "names no {}",
-                        fields[0].empty() ? "picture" : "camera");
+                        fields[0].empty() ? "image" : "camera");
     }
-    PictureRow row{path.parent_path() / fields[0], std::string(fields[1]), {}, line->number};
+    ImageRow row{path.parent_path() / fields[0], std::string(fields[1]), {}, line->number};
     SL_ASSIGN(row.world_from_object, parse_pose(fields, 2, where, line->number));
     rows.push_back(std::move(row));
   }
   if (!rows.empty()) return rows;
-  return make_error(ErrorCode::kInvalidInput, where, "lists no picture");
+  return make_error(ErrorCode::kInvalidInput, where, "lists no image");
 }
 
-Result<std::vector<PictureRow>> read_picture_list(const std::filesystem::path& path) {
+Result<std::vector<ImageRow>> read_image_list(const std::filesystem::path& path) {
   SL_ASSIGN(const std::string text, read_file(path));
-  return parse_picture_list(text, path);
+  return parse_image_list(text, path);
 }
 
 }  // namespace sightline

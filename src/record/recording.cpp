@@ -2,13 +2,17 @@
 #include "sightline/record/recording.hpp"
 
 #include <algorithm>
+#include <utility>
 
-#include "csv.hpp"
-#include "manifest.hpp"
+#include "record/csv.hpp"
+#include "record/manifest.hpp"
 #include "sightline/base/files.hpp"
 #include "sightline/record/video_reader.hpp"
 
 namespace sightline {
+
+using namespace record;
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -26,43 +30,43 @@ std::optional<fs::path> if_there(const fs::path& file) {
   return file;
 }
 
-/// Cuts rows and pictures to their common start, or refuses.
+/// Cuts rows and images to their common start, or refuses.
 class TailFitter {
  public:
   TailFitter(const std::string& csv, RecordingMode mode, std::vector<std::string>& warnings)
       : csv_(csv), mode_(mode), warnings_(warnings) {}
 
-  Status fit(RecordedCamera& camera, uint64_t pictures) {
+  Status fit(RecordedCamera& camera, uint64_t images) {
     const uint64_t rows = camera.rows.size();
-    if (pictures < rows) return drop_rows(camera, pictures);
-    if (pictures == rows) return {};
-    const uint64_t extra = pictures - rows;
+    if (images < rows) return drop_rows(camera, images);
+    if (images == rows) return {};
+    const uint64_t extra = images - rows;
     const double seconds = to_seconds(camera.frame_period()) * static_cast<double>(extra);
-    const std::string what = fmt::format("has {} pictures, but {} has {} rows of camera {}",
-                                         pictures, csv_, rows, camera.name);
+    const std::string what = fmt::format("has {} images, but {} has {} rows of camera {}", images,
+                                         csv_, rows, camera.name);
     if (mode_ == RecordingMode::kStrict || rows == 0 || seconds > to_seconds(kToleratedTail)) {
       return make_error(ErrorCode::kInvalidInput, camera.file.string(), "{}", what);
     }
-    warnings_.push_back(fmt::format("{}: {}; the last {} pictures are left out",
-                                    camera.file.string(), what, extra));
+    warnings_.push_back(
+        fmt::format("{}: {}; the last {} images are left out", camera.file.string(), what, extra));
     return {};
   }
 
  private:
-  Status drop_rows(RecordedCamera& camera, uint64_t pictures) {
+  Status drop_rows(RecordedCamera& camera, uint64_t images) {
     const RecordedRow& last = camera.rows.back();
-    const RecordedRow& first_missing = camera.rows[pictures];
+    const RecordedRow first_missing = camera.rows[images];
     const Duration missing = last.capture - first_missing.capture + camera.frame_period();
     const std::string what = fmt::format(
-        "camera {} has {} rows, but {} ends after {} pictures ({:.3f} s earlier)", camera.name,
-        camera.rows.size(), camera.file.string(), pictures, to_seconds(missing));
+        "camera {} has {} rows, but {} ends after {} images ({:.3f} s earlier)", camera.name,
+        camera.rows.size(), camera.file.string(), images, to_seconds(missing));
     const std::string where = line_of(csv_, first_missing.line);
     if (mode_ == RecordingMode::kStrict || missing > kToleratedTail) {
       return make_error(ErrorCode::kInvalidInput, where,
                         "{}; the video is damaged or belongs to another recording", what);
     }
     warnings_.push_back(fmt::format("{}: {}; its rows from here on are left out", where, what));
-    camera.rows.resize(pictures);
+    camera.rows.truncate(images);
     return {};
   }
 
@@ -86,13 +90,14 @@ Status fill_files(const RecordingManifest& manifest, const std::string& toml, Re
   return {};
 }
 
-/// Pictures in a camera's video. A camera that never delivered has no rows, and its file need not
+/// Images in a camera's video. A camera that never delivered has no rows, and its file need not
 /// be there.
-Result<uint64_t> count_pictures(const RecordedCamera& camera, const std::string& named_by,
-                                RecordingMode mode, std::vector<std::string>& warnings) {
+Result<uint64_t> count_images(const RecordedCamera& camera, const std::string& named_by,
+                              RecordingMode mode, const std::stop_token& stop,
+                              std::vector<std::string>& warnings) {
   auto count = [&]() -> Result<uint64_t> {
     SL_RETURN_IF_ERROR(check_file(camera.file, named_by));
-    return count_video_frames(camera.file, camera.codec, camera.width, camera.height);
+    return count_video_frames(camera.file, camera.codec, camera.width, camera.height, stop);
   }();
   if (count || !camera.rows.empty() || mode == RecordingMode::kStrict) return count;
   warnings.push_back(
@@ -101,21 +106,20 @@ Result<uint64_t> count_pictures(const RecordedCamera& camera, const std::string&
 }
 
 Status fill_cameras(const RecordingManifest& manifest, const std::string& toml, RecordingMode mode,
-                    Recording& out) {
+                    const std::stop_token& stop, Recording& out) {
   std::vector<std::string> names;
   for (const auto& camera : manifest.cameras) names.push_back(camera.name);
   const std::string csv = (out.path / "frames.csv").string();
-  SL_ASSIGN(const std::string text, read_file(csv));
-  SL_ASSIGN(auto rows, parse_frames_csv(text, csv, names, &out.warnings));
+  SL_ASSIGN(auto rows, read_frames_csv(csv, names, &out.warnings));
   TailFitter fitter(csv, mode, out.warnings);
   for (size_t i = 0; i < names.size(); ++i) {
     const auto& from = manifest.cameras[i];
     RecordedCamera camera{from.name,   out.path / from.file, from.codec,        from.width,
                           from.height, from.pixels,          std::move(rows[i])};
-    SL_ASSIGN(
-        const uint64_t pictures,
-        count_pictures(camera, line_of(toml, static_cast<size_t>(from.line)), mode, out.warnings));
-    SL_RETURN_IF_ERROR(fitter.fit(camera, pictures));
+    SL_ASSIGN(const uint64_t images,
+              count_images(camera, line_of(toml, static_cast<size_t>(from.line)), mode, stop,
+                           out.warnings));
+    SL_RETURN_IF_ERROR(fitter.fit(camera, images));
     out.cameras.push_back(std::move(camera));
   }
   return {};
@@ -137,8 +141,11 @@ Time pick_capture(const std::vector<RecordedCamera>& cameras, Pick pick) {
 Duration RecordedCamera::frame_period() const {
   if (rows.size() < 2) return Duration{0};
   std::vector<Duration> steps;
-  steps.reserve(rows.size() - 1);
-  for (size_t i = 1; i < rows.size(); ++i) steps.push_back(rows[i].capture - rows[i - 1].capture);
+  steps.reserve(rows.size());
+  Time before = rows.front().capture;
+  for (const RecordedRow& row : rows)
+    steps.push_back(row.capture - std::exchange(before, row.capture));
+  steps.erase(steps.begin());
   const auto middle = steps.begin() + static_cast<ptrdiff_t>(steps.size() / 2);
   std::nth_element(steps.begin(), middle, steps.end());
   return *middle;
@@ -158,7 +165,8 @@ size_t Recording::frame_count() const {
   return count;
 }
 
-Result<Recording> open_recording(const fs::path& path, RecordingMode mode) {
+Result<Recording> open_recording(const fs::path& path, RecordingMode mode,
+                                 const std::stop_token& stop) {
   std::error_code ignored;
   if (!fs::is_directory(path, ignored)) {
     return make_error(ErrorCode::kNotFound, path.string(), "is not a recording folder");
@@ -172,7 +180,7 @@ Result<Recording> open_recording(const fs::path& path, RecordingMode mode) {
   out.start_utc = manifest.start_utc;
   out.warnings = std::move(manifest.warnings);
   SL_RETURN_IF_ERROR(fill_files(manifest, toml, out));
-  SL_RETURN_IF_ERROR(fill_cameras(manifest, toml, mode, out));
+  SL_RETURN_IF_ERROR(fill_cameras(manifest, toml, mode, stop, out));
   return out;
 }
 

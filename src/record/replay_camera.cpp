@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "replay_camera.hpp"
+#include "record/replay_camera.hpp"
 
-#include "csv.hpp"
+#include "record/csv.hpp"
 
-namespace sightline {
+namespace sightline::record {
 
 Result<std::unique_ptr<ReplayCamera>> ReplayCamera::open(std::shared_ptr<const Recording> recording,
                                                          size_t camera, CameraId id,
@@ -16,58 +16,64 @@ Result<std::unique_ptr<ReplayCamera>> ReplayCamera::open(std::shared_ptr<const R
   reader.raw_format = from.pixels;
   SL_ASSIGN(replay->reader_,
             VideoReader::open(from.file, from.codec, from.width, from.height, reader));
-  replay->half_pool_ = std::make_shared<PicturePool>(from.width, from.height);
-  const size_t picture = static_cast<size_t>(from.width) * static_cast<size_t>(from.height) * 3 / 2;
-  replay->keep_ = from.rows.size() <= options.keep_decoded_bytes / picture;
+  replay->half_pool_ = std::make_shared<ImagePool>(from.width, from.height);
+  const size_t image = static_cast<size_t>(from.width) * static_cast<size_t>(from.height) * 3 / 2;
+  replay->keep_ = from.rows.size() <= options.keep_decoded_bytes / image;
   return replay;
 }
 
-const RecordedRow* ReplayCamera::row() const {
-  return next_ < camera().rows.size() ? &camera().rows[next_] : nullptr;
+void ReplayCamera::go_to(size_t next) {
+  next_ = next;
+  row_.reset();
+  if (next_ < camera().rows.size()) row_ = camera().rows[next_];
 }
 
-Result<VideoFrame> ReplayCamera::take_picture() {
-  if (next_ < kept_.size()) return kept_[next_++];
-  SL_ASSIGN(auto picture, reader_->next());
-  if (!picture) {
-    return make_error(ErrorCode::kDamaged, camera().file.string(),
-                      "ends after {} pictures; frames.csv line {} has no picture", next_,
-                      camera().rows[next_].line);
+Result<VideoFrame> ReplayCamera::take_image() {
+  if (next_ < kept_.size()) {
+    VideoFrame kept = kept_[next_];
+    go_to(next_ + 1);
+    return kept;
   }
-  ++next_;
-  if (keep_) kept_.push_back(*picture);
-  return *std::move(picture);
+  SL_ASSIGN(auto image, reader_->next());
+  if (!image) {
+    return make_error(ErrorCode::kDamaged, camera().file.string(),
+                      "ends after {} images; frames.csv line {} has no image", next_,
+                      row_ ? row_->line : 0);
+  }
+  go_to(next_ + 1);
+  if (keep_) kept_.push_back(*image);
+  return *std::move(image);
 }
 
 Result<FramePtr> ReplayCamera::take(const RecordedRow& stamp) {
-  SL_ASSIGN(VideoFrame picture, take_picture());
+  SL_ASSIGN(VideoFrame image, take_image());
   FrameInfo info;
   info.camera = id_;
   info.sequence = stamp.sequence;
   info.dropped_before = stamp.dropped_before;
-  info.status = picture.status;
+  info.status = image.status;
   info.capture = stamp.capture;
   info.arrival = stamp.arrival;
-  info.format = picture.format;
+  info.format = image.format;
   info.width = camera().width;
   info.height = camera().height;
-  return Frame::decoded(info, std::move(picture.picture), std::move(picture.payload), half_pool_);
+  return Frame::decoded(info, std::move(image.image), std::move(image.payload), half_pool_);
 }
 
 Status ReplayCamera::skip() {
-  SL_ASSIGN(const VideoFrame ignored, take_picture());
+  SL_ASSIGN(const VideoFrame ignored, take_image());
   return {};
 }
 
 Status ReplayCamera::rewind() {
   const bool all_kept = kept_.size() == camera().rows.size();
-  next_ = 0;
+  go_to(0);
   if (all_kept) {
-    reader_.reset();  // its decoder and pictures are not needed any more
+    reader_.reset();  // its decoder and images are not needed any more
     return {};
   }
   kept_.clear();
   return reader_->rewind();
 }
 
-}  // namespace sightline
+}  // namespace sightline::record

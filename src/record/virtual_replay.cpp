@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 
-#include "replay_camera.hpp"
+#include "record/replay_camera.hpp"
 #include "sightline/record/replay.hpp"
 
 namespace sightline {
+
+using namespace record;
+
 namespace {
 
 class VirtualReplayOfFiles final : public VirtualReplay {
@@ -15,13 +18,13 @@ class VirtualReplayOfFiles final : public VirtualReplay {
   Result<std::optional<std::vector<FramePtr>>> next() override {
     std::optional<Time> earliest;
     for (const auto& camera : cameras_) {
-      const RecordedRow* row = camera->row();
+      const auto& row = camera->row();
       if (row && (!earliest || row->capture < *earliest)) earliest = row->capture;
     }
     if (!earliest) return std::optional<std::vector<FramePtr>>();
     std::vector<FramePtr> set;
     for (const auto& camera : cameras_) {
-      const RecordedRow* row = camera->row();
+      const auto row = camera->row();
       if (!row || row->capture != *earliest) continue;
       SL_ASSIGN(FramePtr frame, camera->take(*row));
       set.push_back(std::move(frame));

@@ -4,17 +4,21 @@
 #include <ctime>
 #include <set>
 
-#include "camera_file.hpp"
-#include "manifest.hpp"
-#include "object_copy.hpp"
+#include "record/manifest.hpp"
+#include "record/media/camera_file.hpp"
+#include "record/object_copy.hpp"
 #include "sightline/base/files.hpp"
+#include "sightline/base/log.hpp"
 
 namespace sightline {
+
+using namespace record;
+
 namespace {
 
 namespace fs = std::filesystem;
 
-/// Flushing so often by capture time, and by picture where they are rarer, keeps the loss of a
+/// Flushing so often by capture time, and by image where they are rarer, keeps the loss of a
 /// crash below half a second.
 constexpr Duration kFlushEvery = std::chrono::milliseconds(400);
 
@@ -92,10 +96,13 @@ class FolderWriter final : public RecordingWriter {
           {camera.name, name, state.file->codec(), camera.width, camera.height, pixels, 0});
       cameras_.push_back(std::move(state));
     }
-    SL_ASSIGN(manifest.objects, copy_objects(options.objects, folder_));
+    SL_ASSIGN(manifest.objects, copy_objects(options.objects, folder_, manifest.left_out));
     if (options.scene) {
-      SL_RETURN_IF_ERROR(copy_with_parts(*options.scene, folder_ / "scene"));
+      SL_RETURN_IF_ERROR(copy_with_parts(*options.scene, folder_ / "scene", manifest.left_out));
       manifest.scene = (fs::path("scene") / options.scene->filename()).string();
+    }
+    for (const std::string& sentence : manifest.left_out) {
+      log::warning("recording {}: {}", folder_.string(), sentence);
     }
     if (!options.calibration_toml.empty()) {
       SL_RETURN_IF_ERROR(

@@ -12,17 +12,20 @@
 #include <mutex>
 #include <utility>
 
-#include "encoder_choice.hpp"
-#include "gst_ptr.hpp"
-#include "handover.hpp"
 #include "sightline/base/log.hpp"
 #include "sightline/base/thread.hpp"
 #include "sightline/stream/sei.hpp"
+#include "stream/encoder_choice.hpp"
+#include "stream/gst_ptr.hpp"
+#include "stream/handover.hpp"
 
 namespace sightline {
+
+using namespace stream;
+
 namespace {
 
-/// What is known of a picture while the encoder works on it.
+/// What is known of an image while the encoder works on it.
 struct Ticket {
   GstClockTime pts = 0;
   CameraId camera;
@@ -31,30 +34,36 @@ struct Ticket {
   std::vector<uint8_t> sei;
 };
 
-/// A picture that waits for the encoder.
+/// An image that waits for the encoder.
 struct Waiting {
-  std::shared_ptr<const Picture> picture;
+  std::shared_ptr<const Image> image;
   Ticket ticket;
 };
 
-GstMemory* wrap_plane(const PlaneView& plane, const std::shared_ptr<const Picture>& owner) {
-  using Owner = Carried<std::shared_ptr<const Picture>>;
+/// What the encoder gets next.
+struct Turn {
+  GstMiniPtr<GstBuffer> buffer;
+  bool as_keyframe = false;
+};
+
+GstMemory* wrap_plane(const PlaneView& plane, const std::shared_ptr<const Image>& owner) {
+  using Owner = UserData<std::shared_ptr<const Image>>;
   // The last row ends where its pixels end: nothing beyond the plane is touched.
   const size_t size = static_cast<size_t>(plane.stride * (plane.height - 1) + plane.width);
   return gst_memory_new_wrapped(GST_MEMORY_FLAG_READONLY, const_cast<uint8_t*>(plane.data), size, 0,
                                 size, Owner::make(owner), Owner::destroy);
 }
 
-/// A buffer over the picture's own planes; they are given back when GStreamer drops the buffer.
-GstBuffer* wrap_picture(const std::shared_ptr<const Picture>& picture) {
-  const I420View view = picture->view();
+/// A buffer over the image's own planes; they are given back when GStreamer drops the buffer.
+GstBuffer* wrap_image(const std::shared_ptr<const Image>& image) {
+  const I420View view = image->view();
   GstBuffer* buffer = gst_buffer_new();
   gsize offsets[GST_VIDEO_MAX_PLANES] = {};
   gint strides[GST_VIDEO_MAX_PLANES] = {};
   gsize offset = 0;
   int n = 0;
   for (const PlaneView& plane : {view.y, view.u, view.v}) {
-    GstMemory* memory = wrap_plane(plane, picture);
+    GstMemory* memory = wrap_plane(plane, image);
     offsets[n] = offset;
     strides[n++] = static_cast<gint>(plane.stride);
     offset += gst_memory_get_sizes(memory, nullptr, nullptr);
@@ -71,14 +80,14 @@ Status check(const EncoderOptions& options, const std::string& camera) {
                        options.height <= 8192 && options.width % 2 == 0 && options.height % 2 == 0;
   if (!size_ok) {
     return make_error(ErrorCode::kInvalidInput, camera,
-                      "cannot encode {}x{} pictures: width and height must be even and from 16 to "
+                      "cannot encode {}x{} images: width and height must be even and from 16 to "
                       "8192",
                       options.width, options.height);
   }
   if (!(options.rate_hz > 0 && options.rate_hz <= 1000) || options.bitrate_kbps < 0 ||
       options.keyframe_interval < 1) {
     return make_error(ErrorCode::kInvalidInput, camera,
-                      "cannot encode at {} Hz, {} kbit/s with a key frame every {} pictures",
+                      "cannot encode at {} Hz, {} kbit/s with a key frame every {} images",
                       options.rate_hz, options.bitrate_kbps, options.keyframe_interval);
   }
   return {};
@@ -107,13 +116,14 @@ struct VideoEncoder::Impl {
 
   mutable std::mutex mutex;
   std::condition_variable changed;  ///< idle, at_end or failed
-  bool idle = false;                ///< the source asked for a picture and has none yet
+  bool idle = false;                ///< the source asked for an image and has none yet
+  bool feeding = false;             ///< a thread is handing it one
   bool finishing = false;
   bool at_end = false;
   std::optional<Error> failed;
   std::optional<Waiting> waiting;
   std::deque<Ticket> tickets;  ///< handed to the encoder, oldest first
-  uint64_t next_picture = 0;
+  uint64_t next_image = 0;
   bool keyframe_wanted = false;
   Time next_keyframe_request = Time::min();  ///< not before
   EncoderCounts counts;
@@ -127,10 +137,12 @@ struct VideoEncoder::Impl {
   }
 
   Status start();
-  bool refuses(const AnnotatedPicture& picture) const;
-  Waiting prepare(const AnnotatedPicture& picture, std::span<const NamedObject> names);
-  void feed(Waiting next);
-  void force_keyframe_if_due();
+  bool refuses(const AnnotatedImage& image) const;
+  Waiting prepare(const AnnotatedImage& image, std::span<const NamedObject> names);
+  void feed(std::unique_lock<std::mutex>& lock);
+  Turn take_turn(Waiting next);
+  void hand_over(Turn turn);
+  bool keyframe_is_due();
   void on_need_data();
   void on_sample(GstSample& sample);
   std::optional<Ticket> take_ticket(GstClockTime pts);
@@ -187,59 +199,74 @@ Status VideoEncoder::Impl::start() {
   return {};
 }
 
-bool VideoEncoder::Impl::refuses(const AnnotatedPicture& picture) const {
-  return failed.has_value() || finishing || !picture.picture ||
-         picture.picture->width() != options.width || picture.picture->height() != options.height;
+bool VideoEncoder::Impl::refuses(const AnnotatedImage& image) const {
+  return failed.has_value() || finishing || !image.image || image.image->width() != options.width ||
+         image.image->height() != options.height;
 }
 
-Waiting VideoEncoder::Impl::prepare(const AnnotatedPicture& picture,
+Waiting VideoEncoder::Impl::prepare(const AnnotatedImage& image,
                                     std::span<const NamedObject> names) {
-  Waiting next{picture.picture, {}};
-  next.ticket.camera = picture.frame.camera;
-  next.ticket.sequence = picture.frame.sequence;
-  next.ticket.capture = picture.shown != Time{} ? picture.shown : picture.frame.capture;
-  next.ticket.sei = make_sei_nal(sei_message_of(picture, camera, names));
+  Waiting next{image.image, {}};
+  next.ticket.camera = image.frame.camera;
+  next.ticket.sequence = image.frame.sequence;
+  next.ticket.capture = image.shown != Time{} ? image.shown : image.frame.capture;
+  next.ticket.sei = make_sei_nal(sei_message_of(image, camera, names));
   return next;
 }
 
-/// With the lock held, and only when the source is idle.
-void VideoEncoder::Impl::feed(Waiting next) {
-  idle = false;
-  force_keyframe_if_due();
-  // Evenly counted, not capture time: encoders want growing, regular time stamps, and the packet
-  // gets its capture time back from the ticket.
-  next.ticket.pts = next_picture++ * period;
-  GstBuffer* buffer = wrap_picture(next.picture);
-  set_times(buffer, next.ticket.pts, period);
-  tickets.push_back(std::move(next.ticket));
-  handed_to_library(this);
-  gst_app_src_push_buffer(GST_APP_SRC(source.get()), buffer);
-}
-
-void VideoEncoder::Impl::force_keyframe_if_due() {
-  if (!keyframe_wanted) return;
-  const Time now = MonotonicClock::now();
-  if (now < next_keyframe_request) return;
-  keyframe_wanted = false;
-  next_keyframe_request = now + options.keyframe_request_spacing;
-  gst_pad_send_event(encoder_pad.get(),
-                     gst_video_event_new_upstream_force_key_unit(GST_CLOCK_TIME_NONE, TRUE, 0));
-}
-
-void VideoEncoder::Impl::on_need_data() {
-  std::lock_guard lock(mutex);
-  idle = true;
-  if (waiting) {
-    Waiting next = std::move(*waiting);
-    waiting.reset();
-    feed(std::move(next));
+/// Hands the source what waits for it, if it asked. The lock is held before and after, but not
+/// while GStreamer is called: an element may post a message on the thread that hands it something,
+/// and what an error says is noted under this lock.
+void VideoEncoder::Impl::feed(std::unique_lock<std::mutex>& lock) {
+  while (idle && waiting && !feeding && !failed) {
+    Turn turn = take_turn(*std::exchange(waiting, std::nullopt));
+    feeding = true;
+    lock.unlock();
+    hand_over(std::move(turn));
+    lock.lock();
+    feeding = false;
   }
   changed.notify_all();
 }
 
+Turn VideoEncoder::Impl::take_turn(Waiting next) {
+  idle = false;
+  // Evenly counted, not capture time: encoders want growing, regular time stamps, and the packet
+  // gets its capture time back from the ticket.
+  next.ticket.pts = next_image++ * period;
+  Turn turn{GstMiniPtr<GstBuffer>(wrap_image(next.image)), keyframe_is_due()};
+  set_times(turn.buffer.get(), next.ticket.pts, period);
+  tickets.push_back(std::move(next.ticket));
+  return turn;
+}
+
+void VideoEncoder::Impl::hand_over(Turn turn) {
+  if (turn.as_keyframe) {
+    gst_pad_send_event(encoder_pad.get(),
+                       gst_video_event_new_upstream_force_key_unit(GST_CLOCK_TIME_NONE, TRUE, 0));
+  }
+  handed_to_library(this);
+  gst_app_src_push_buffer(GST_APP_SRC(source.get()), turn.buffer.release());
+}
+
+bool VideoEncoder::Impl::keyframe_is_due() {
+  if (!keyframe_wanted) return false;
+  const Time now = MonotonicClock::now();
+  if (now < next_keyframe_request) return false;
+  keyframe_wanted = false;
+  next_keyframe_request = now + options.keyframe_request_spacing;
+  return true;
+}
+
+void VideoEncoder::Impl::on_need_data() {
+  std::unique_lock lock(mutex);
+  idle = true;
+  feed(lock);
+}
+
 std::optional<Ticket> VideoEncoder::Impl::take_ticket(GstClockTime pts) {
   std::lock_guard lock(mutex);
-  // Drivers may round time stamps; pictures that the encoder skipped are older.
+  // Drivers may round time stamps; images that the encoder skipped are older.
   while (!tickets.empty() && tickets.front().pts + period / 2 < pts) {
     tickets.pop_front();
     ++counts.dropped;
@@ -257,8 +284,7 @@ void VideoEncoder::Impl::on_sample(GstSample& sample) {
   auto ticket = take_ticket(gst_segment_to_running_time(gst_sample_get_segment(&sample),
                                                         GST_FORMAT_TIME, pts_of(buffer)));
   if (!ticket) {
-    log::warning("{}: encoder {} gave a packet that belongs to no picture; dropped", camera,
-                 element);
+    log::warning("{}: encoder {} gave a packet that belongs to no image; dropped", camera, element);
     return;
   }
   GstMapInfo map;
@@ -322,42 +348,41 @@ Result<std::unique_ptr<VideoEncoder>> VideoEncoder::create(const EncoderOptions&
   return std::unique_ptr<VideoEncoder>(new VideoEncoder(std::move(impl)));
 }
 
-void VideoEncoder::push(const AnnotatedPicture& picture, std::span<const NamedObject> names) {
+void VideoEncoder::push(const AnnotatedImage& image, std::span<const NamedObject> names) {
   Impl& self = *impl_;
   std::optional<Waiting> replaced;  // given back outside the lock
-  std::lock_guard lock(self.mutex);
+  std::unique_lock lock(self.mutex);
   ++self.counts.pushed;
-  if (self.refuses(picture)) {
+  if (self.refuses(image)) {
     ++self.counts.dropped;
-    return;
-  }
-  Waiting next = self.prepare(picture, names);
-  if (self.idle) {
-    self.feed(std::move(next));
     return;
   }
   if (self.waiting) ++self.counts.dropped;
-  replaced = std::exchange(self.waiting, std::move(next));
+  replaced = std::exchange(self.waiting, self.prepare(image, names));
+  self.feed(lock);
 }
 
-Status VideoEncoder::push_and_wait(const AnnotatedPicture& picture,
-                                   std::span<const NamedObject> names, Duration timeout) {
+Status VideoEncoder::push_and_wait(const AnnotatedImage& image, std::span<const NamedObject> names,
+                                   Duration timeout) {
   Impl& self = *impl_;
   std::unique_lock lock(self.mutex);
   ++self.counts.pushed;
-  self.changed.wait_for(lock, timeout, [&] { return self.idle || self.failed.has_value(); });
-  if (self.refuses(picture) || !self.idle) {
+  const auto has_time = [&] { return self.idle && !self.waiting; };
+  self.changed.wait_for(lock, timeout, [&] { return has_time() || self.failed.has_value(); });
+  if (self.refuses(image) || !has_time()) {
     ++self.counts.dropped;
     if (self.failed) return Error(*self.failed);
-    if (!self.idle) {
-      return make_error(ErrorCode::kTimeout, self.camera, "encoder {} took no picture in {:.1f} s",
+    if (!has_time()) {
+      return make_error(ErrorCode::kTimeout, self.camera, "encoder {} took no image in {:.1f} s",
                         self.element, to_seconds(timeout));
     }
     return make_error(ErrorCode::kInvalidInput, self.camera,
-                      "the encoder is finished, or the picture is not {}x{}", self.options.width,
+                      "the encoder is finished, or the image is not {}x{}", self.options.width,
                       self.options.height);
   }
-  self.feed(self.prepare(picture, names));
+  self.waiting = self.prepare(image, names);
+  self.feed(lock);
+  if (self.failed) return Error(*self.failed);
   return {};
 }
 
@@ -366,9 +391,14 @@ Status VideoEncoder::finish(Duration timeout) {
   std::unique_lock lock(self.mutex);
   self.finishing = true;
   const auto deadline = std::chrono::steady_clock::now() + timeout;
-  self.changed.wait_until(lock, deadline,
-                          [&] { return (self.idle && !self.waiting) || self.failed.has_value(); });
-  if (!self.failed) gst_app_src_end_of_stream(GST_APP_SRC(self.source.get()));
+  self.changed.wait_until(lock, deadline, [&] {
+    return (self.idle && !self.waiting && !self.feeding) || self.failed.has_value();
+  });
+  if (!self.failed) {
+    lock.unlock();
+    gst_app_src_end_of_stream(GST_APP_SRC(self.source.get()));
+    lock.lock();
+  }
   self.changed.wait_until(lock, deadline, [&] { return self.at_end || self.failed.has_value(); });
   if (self.failed) return Error(*self.failed);
   if (!self.at_end) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "encoder_choice.hpp"
+#include "stream/encoder_choice.hpp"
 
 #include <gst/app/gstappsink.h>
 #include <gst/app/gstappsrc.h>
@@ -10,7 +10,7 @@
 
 #include "sightline/base/log.hpp"
 
-namespace sightline {
+namespace sightline::stream {
 namespace {
 
 constexpr Duration kProbeTimeout = std::chrono::seconds(3);
@@ -77,7 +77,7 @@ std::string input_caps(const EncoderOptions& options) {
 
 enum class Answer { kNone, kPacket, kFailure };
 
-/// What a pipeline that was given one picture and the end comes to, within the time for it.
+/// What a pipeline that was given one image and the end comes to, within the time for it.
 Answer wait_for_answer(GstElement* pipeline) {
   const auto sink = element_of(pipeline, "sink");
   const GstObjectPtr<GstBus> bus(gst_element_get_bus(pipeline));
@@ -97,7 +97,7 @@ Answer wait_for_answer(GstElement* pipeline) {
   return Answer::kNone;
 }
 
-/// Encodes one grey picture; true if an access unit came out in time.
+/// Encodes one gray image; true if an access unit came out in time.
 bool probe(const std::string& element) {
   EncoderOptions options;
   options.width = 320;
@@ -111,10 +111,10 @@ bool probe(const std::string& element) {
   const GstObjectPtr<GstElement> pipeline = *std::move(built);
   const auto source = element_of(pipeline.get(), "src");
   const size_t size = 320 * 240 * 3 / 2;
-  GstBuffer* picture = gst_buffer_new_allocate(nullptr, size, nullptr);
-  gst_buffer_memset(picture, 0, 128, size);
-  GST_BUFFER_PTS(picture) = 0;
-  gst_app_src_push_buffer(GST_APP_SRC(source.get()), picture);
+  GstBuffer* image = gst_buffer_new_allocate(nullptr, size, nullptr);
+  gst_buffer_memset(image, 0, 128, size);
+  GST_BUFFER_PTS(image) = 0;
+  gst_app_src_push_buffer(GST_APP_SRC(source.get()), image);
   gst_app_src_end_of_stream(GST_APP_SRC(source.get()));
 
   // On a thread of GStreamer's own: a driver that hangs must not take the caller along.
@@ -167,6 +167,28 @@ Result<GstObjectPtr<GstElement>> build_encoder_pipeline(const std::string& eleme
   return pipeline;
 }
 
+Result<std::string> choose_encoder(const EncoderOptions& options, const std::string& camera_name) {
+  SL_RETURN_IF_ERROR(start_gstreamer());
+  const std::span<const std::string> candidates =
+      options.prefer.empty() ? known_h264_encoders() : std::span(options.prefer);
+  std::string tried;
+  for (const std::string& element : candidates) {
+    if (h264_encoder_works(element)) return element;
+    tried += tried.empty() ? element : ", " + element;
+  }
+  return make_error(ErrorCode::kUnavailable, camera_name,
+                    "no H.264 encoder works here (tried {}); install the Debian packages "
+                    "gstreamer1.0-plugins-ugly (x264enc) and gstreamer1.0-plugins-bad (h264parse, "
+                    "openh264enc)",
+                    tried);
+}
+
+}  // namespace sightline::stream
+
+namespace sightline {
+
+using namespace stream;
+
 std::span<const std::string> known_h264_encoders() {
   static const std::vector<std::string> names = {"v4l2h264enc", "vah264enc", "vaapih264enc",
                                                  "nvh264enc",   "x264enc",   "openh264enc"};
@@ -187,22 +209,6 @@ bool h264_encoder_works(const std::string& element) {
   log::debug("H.264 encoder {}: {}", element, works ? "works" : "not usable here");
   answers.emplace(element, works);
   return works;
-}
-
-Result<std::string> choose_encoder(const EncoderOptions& options, const std::string& camera_name) {
-  SL_RETURN_IF_ERROR(start_gstreamer());
-  const std::span<const std::string> candidates =
-      options.prefer.empty() ? known_h264_encoders() : std::span(options.prefer);
-  std::string tried;
-  for (const std::string& element : candidates) {
-    if (h264_encoder_works(element)) return element;
-    tried += tried.empty() ? element : ", " + element;
-  }
-  return make_error(ErrorCode::kUnavailable, camera_name,
-                    "no H.264 encoder works here (tried {}); install the Debian packages "
-                    "gstreamer1.0-plugins-ugly (x264enc) and gstreamer1.0-plugins-bad (h264parse, "
-                    "openh264enc)",
-                    tried);
 }
 
 }  // namespace sightline

@@ -3,10 +3,10 @@
 
 #include <string>
 
-#include "gst_ptr.hpp"
 #include "sightline/stream/encoder.hpp"
+#include "stream/gst_ptr.hpp"
 
-namespace sightline {
+namespace sightline::stream {
 
 /// A pipeline "appsrc name=src ! ENCODER name=enc ! h264parse ! appsink name=sink" in state NULL:
 /// I420 of the options' size in, one Annex B access unit per buffer out. `options` is complete
@@ -20,4 +20,4 @@ GstObjectPtr<GstElement> element_of(GstElement* pipeline, const char* name);
 /// The first element of options.prefer (or of the known ones) that works.
 Result<std::string> choose_encoder(const EncoderOptions& options, const std::string& camera_name);
 
-}  // namespace sightline
+}  // namespace sightline::stream

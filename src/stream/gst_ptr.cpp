@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gst_ptr.hpp"
+#include "stream/gst_ptr.hpp"
 
-namespace sightline {
+namespace sightline::stream {
 
 Status start_gstreamer() {
   static const Status status = []() -> Status {
@@ -30,4 +30,4 @@ std::string text_of_error_message(GstMessage* message) {
   return debug ? fmt::format("{} ({})", text_of(error), debug.get()) : text_of(error);
 }
 
-}  // namespace sightline
+}  // namespace sightline::stream

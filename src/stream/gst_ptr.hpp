@@ -9,7 +9,7 @@
 
 #include "sightline/base/result.hpp"
 
-namespace sightline {
+namespace sightline::stream {
 
 /// Starts GStreamer, once per process; the same answer for all callers. Any thread.
 Status start_gstreamer();
@@ -70,4 +70,4 @@ bool set_if_present(GstElement* element, const char* property, const std::string
 /// The whole of an error message on a bus, for a person.
 std::string text_of_error_message(GstMessage* message);
 
-}  // namespace sightline
+}  // namespace sightline::stream

@@ -27,7 +27,7 @@ void __tsan_release(void* address);
 #define SL_UNCHECKED_BY_TSAN
 #endif
 
-namespace sightline {
+namespace sightline::stream {
 
 /// Everything done so far by this thread comes before what follows taken_from_library(key).
 inline void handed_to_library([[maybe_unused]] const void* key) {
@@ -53,13 +53,13 @@ class LibraryCall {
   const void* key_;
 };
 
-/// A value that a C library carries as user data and destroys through a callback.
+/// A value that a C library keeps as user data and destroys through a callback.
 template <typename T>
-struct Carried {
+struct UserData {
   static gpointer make(T value) {
-    auto* carried = new T(std::move(value));
-    handed_to_library(carried);
-    return carried;
+    auto* data = new T(std::move(value));
+    handed_to_library(data);
+    return data;
   }
   static T& in(gpointer data) { return *static_cast<T*>(data); }
   static void destroy(gpointer data) {
@@ -85,4 +85,4 @@ SL_UNCHECKED_BY_TSAN inline bool is_delta(GstBuffer* buffer) {
   return GST_BUFFER_FLAG_IS_SET(buffer, GST_BUFFER_FLAG_DELTA_UNIT);
 }
 
-}  // namespace sightline
+}  // namespace sightline::stream

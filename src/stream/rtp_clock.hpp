@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <optional>
 
-namespace sightline {
+namespace sightline::stream {
 
 /// Maps capture times to the running time of one media pipeline, from which RTP time stamps are
 /// made. Where capture times are on the clock of the pipeline (CLOCK_MONOTONIC, a live camera) they
@@ -34,4 +34,4 @@ class RtpClock {
   std::optional<int64_t> last_;
 };
 
-}  // namespace sightline
+}  // namespace sightline::stream

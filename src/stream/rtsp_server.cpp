@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sightline/stream/rtsp_server.hpp"
 
+#include <fcntl.h>
 #include <gst/rtsp-server/rtsp-server.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
@@ -11,26 +12,50 @@
 #include <mutex>
 #include <vector>
 
-#include "handover.hpp"
-#include "rtsp_stream.hpp"
 #include "sightline/base/log.hpp"
+#include "stream/client_sessions.hpp"
+#include "stream/guarded_socket.hpp"
+#include "stream/handover.hpp"
+#include "stream/rtsp_connections.hpp"
+#include "stream/rtsp_stream.hpp"
 
 namespace sightline {
+
+using namespace stream;
+
 namespace {
 
-/// A connection without a session is somebody who will not watch.
-constexpr Duration kIdleConnection = std::chrono::seconds(20);
 /// A peer that acknowledges nothing, or takes nothing, for so long is cut off by the kernel [ms].
 constexpr unsigned kPeerTimeoutMs = 20'000;
 /// How long run() waits for connections to end after a stop.
 constexpr Duration kGoodbye = std::chrono::milliseconds(700);
+/// Connections that wait to be accepted.
+constexpr int kBacklog = 128;
+/// RTP over UDP is sent from here: above the ports that Linux hands out by itself.
+constexpr guint16 kFirstUdpPort = 61000, kLastUdpPort = 65533;
+
+bool has_session(const void* client) {
+  GList* sessions = gst_rtsp_client_session_filter(
+      static_cast<GstRTSPClient*>(const_cast<void*>(client)), nullptr, nullptr);
+  const bool any = sessions != nullptr;
+  g_list_free_full(sessions, g_object_unref);
+  return any;
+}
 
 /// What the signals of server, clients and sessions need; they may come after the server is gone.
 struct State {
-  RtspOptions options;
+  explicit State(const RtspOptions& chosen)
+      : options(chosen),
+        connections({chosen.max_clients, chosen.max_clients_per_address}, has_session) {}
+
+  const RtspOptions options;
+  RtspConnections connections;
+  SeldomWarning refusals;
+  /// Accepted, on its way to the client object that the library makes of it; the server's thread.
+  RtspConnections::Connection arriving;
   mutable std::mutex mutex;
   std::map<std::string, std::shared_ptr<SharedStream>> streams;
-  std::map<GstRTSPClient*, Time> clients;  ///< since when
+  ClientSessions sessions;
 
   std::vector<std::shared_ptr<SharedStream>> all_streams() const {
     std::lock_guard lock(mutex);
@@ -51,18 +76,14 @@ struct State {
 using StatePtr = std::shared_ptr<State>;
 
 void connect(gpointer object, const char* signal, GCallback callback, const StatePtr& state) {
-  g_signal_connect_data(object, signal, callback, Carried<StatePtr>::make(state),
-                        Carried<StatePtr>::destroy_closure, static_cast<GConnectFlags>(0));
+  g_signal_connect_data(object, signal, callback, UserData<StatePtr>::make(state),
+                        UserData<StatePtr>::destroy_closure, static_cast<GConnectFlags>(0));
 }
 
-State& state_of(gpointer data) { return *Carried<StatePtr>::in(data); }
+State& state_of(gpointer data) { return *UserData<StatePtr>::in(data); }
 
 /// Kernel-side bounds on a peer that vanished or stopped reading.
-void bound_peer(GstRTSPClient* client) {
-  GstRTSPConnection* connection = gst_rtsp_client_get_connection(client);
-  GSocket* socket = connection ? gst_rtsp_connection_get_read_socket(connection) : nullptr;
-  if (socket == nullptr) return;
-  const int fd = g_socket_get_fd(socket);
+void bound_peer(int fd) {
   const int on = 1;
   setsockopt(fd, SOL_SOCKET, SO_KEEPALIVE, &on, sizeof(on));
   setsockopt(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, &kPeerTimeoutMs, sizeof(kPeerTimeoutMs));
@@ -88,54 +109,45 @@ void on_stop_playing(GstRTSPClient* client, GstRTSPContext* context, gpointer da
   }
 }
 
-void on_new_session(GstRTSPClient*, GstRTSPSession* session, gpointer data) {
+/// One session for each connection: with more, one client could take them all.
+GstRTSPStatusCode on_pre_setup(GstRTSPClient* client, GstRTSPContext* context, gpointer) {
+  const bool another = context->session == nullptr && has_session(client);
+  return another ? GST_RTSP_STS_NOT_ENOUGH_BANDWIDTH : GST_RTSP_STS_OK;
+}
+
+void on_new_session(GstRTSPClient* client, GstRTSPSession* session, gpointer data) {
   const LibraryCall call(data);
+  state_of(data).sessions.add(client, gst_rtsp_session_get_sessionid(session));
   const auto seconds =
       std::chrono::duration_cast<std::chrono::seconds>(state_of(data).options.session_timeout);
   gst_rtsp_session_set_timeout(session, static_cast<guint>(std::max<int64_t>(1, seconds.count())));
 }
 
+void end_sessions(GstRTSPClient* client, State& state) {
+  const GObjectPtr<GstRTSPSessionPool> pool(gst_rtsp_client_get_session_pool(client));
+  for (const std::string& id : state.sessions.take(client)) {
+    const GObjectPtr<GstRTSPSession> session(gst_rtsp_session_pool_find(pool.get(), id.c_str()));
+    if (session) gst_rtsp_session_pool_remove(pool.get(), session.get());
+  }
+}
+
 void on_closed(GstRTSPClient* client, gpointer data) {
   const LibraryCall call(data);
   State& state = state_of(data);
-  {
-    std::lock_guard lock(state.mutex);
-    state.clients.erase(client);
-  }
+  state.connections.remove(client);
+  end_sessions(client, state);
   for (const auto& stream : state.all_streams()) stream->client_gone(client);
 }
 
-/// Closes a client from the running main context, a moment later: while "client-connected" is
-/// emitted the library has not finished setting it up.
-void close_soon(GstRTSPClient* client) {
-  const std::unique_ptr<GSource, UnrefSource> source(g_idle_source_new());
-  g_source_set_callback(
-      source.get(),
-      [](gpointer data) -> gboolean {
-        gst_rtsp_client_close(GST_RTSP_CLIENT(data));
-        return G_SOURCE_REMOVE;
-      },
-      g_object_ref(client), g_object_unref);
-  g_source_attach(source.get(), g_main_context_get_thread_default());
-}
-
+/// While the connection is handed over: on the server's thread, before the client gets its own.
 void on_client(GstRTSPServer*, GstRTSPClient* client, gpointer data) {
   const LibraryCall call(data);
-  const StatePtr& state = Carried<StatePtr>::in(data);
-  bool refused = false;
-  {
-    std::lock_guard lock(state->mutex);
-    refused = std::ssize(state->clients) >= state->options.max_clients;
-    if (!refused) state->clients.emplace(client, MonotonicClock::now());
-  }
-  if (refused) {
-    log::warning("rtsp: a client is refused: {} are connected already (max_clients)",
-                 state->options.max_clients);
-    close_soon(client);
-    return;
-  }
-  bound_peer(client);
+  const StatePtr& state = UserData<StatePtr>::in(data);
+  state->connections.add(client, std::exchange(state->arriving, {}));
+  // The guard refuses HTTP already; this is the library's own way to know no RTSP inside HTTP.
+  gst_rtsp_connection_set_http_mode(gst_rtsp_client_get_connection(client), TRUE);
   connect(client, "closed", G_CALLBACK(on_closed), state);
+  connect(client, "pre-setup-request", G_CALLBACK(on_pre_setup), state);
   connect(client, "new-session", G_CALLBACK(on_new_session), state);
   connect(client, "play-request", G_CALLBACK(on_play), state);
   connect(client, "pause-request", G_CALLBACK(on_stop_playing), state);
@@ -145,6 +157,7 @@ void on_client(GstRTSPServer*, GstRTSPClient* client, gpointer data) {
 void on_session_removed(GstRTSPSessionPool*, GstRTSPSession* session, gpointer data) {
   const LibraryCall call(data);
   const std::string id = gst_rtsp_session_get_sessionid(session);
+  state_of(data).sessions.forget(id);
   for (const auto& stream : state_of(data).all_streams()) stream->session_gone(id);
 }
 
@@ -171,6 +184,20 @@ Error bind_error(const RtspOptions& options, const GErrorPtr& error) {
                     options.address, options.port, text_of(error));
 }
 
+std::string_view describe(RequestGuard::Verdict verdict) {
+  switch (verdict) {
+    case RequestGuard::Verdict::kTooLarge:
+      return "a request beyond 16 KiB";
+    case RequestGuard::Verdict::kHttp:
+      return "HTTP, which is not served here; a player that sends RTSP inside HTTP has to use TCP";
+    case RequestGuard::Verdict::kMalformed:
+      return "what came is not RTSP";
+    case RequestGuard::Verdict::kPass:
+      break;
+  }
+  return "";
+}
+
 std::string host_of(const std::string& address) {
   if (address == "0.0.0.0" || address == "::") return "localhost";
   return address.find(':') == std::string::npos ? address : "[" + address + "]";
@@ -179,17 +206,22 @@ std::string host_of(const std::string& address) {
 }  // namespace
 
 struct RtspServer::Impl {
-  StatePtr state = std::make_shared<State>();
+  explicit Impl(const RtspOptions& options) : state(std::make_shared<State>(options)) {}
+
+  const StatePtr state;
   GMainContextPtr context{g_main_context_new()};
   GObjectPtr<GstRTSPServer> server;
   GObjectPtr<GstRTSPSessionPool> sessions;
   GObjectPtr<GstRTSPMountPoints> mounts;
+  GObjectPtr<GstRTSPAddressPool> udp_addresses;  ///< null: all of this host's
+  GObjectPtr<GSocket> socket;
   GSourcePtr listening;
   uint16_t port = 0;
 
   Status listen();
-  void housekeeping();
-  void close_clients(const std::function<bool(GstRTSPClient*)>& which);
+  void take_address();
+  void accept_one();
+  void hand_over(GObjectPtr<GSocket> accepted, const Peer& peer);
   void drop_everybody();
 };
 
@@ -200,7 +232,11 @@ Status RtspServer::Impl::listen() {
   mounts.reset(gst_rtsp_server_get_mount_points(server.get()));
   gst_rtsp_server_set_address(server.get(), options.address.c_str());
   gst_rtsp_server_set_service(server.get(), std::to_string(options.port).c_str());
-  gst_rtsp_session_pool_set_max_sessions(sessions.get(), static_cast<guint>(options.max_clients));
+  // Twice the places: connections that leave have theirs until their threads are done.
+  gst_rtsp_session_pool_set_max_sessions(sessions.get(),
+                                         2 * static_cast<guint>(options.max_clients));
+  gst_rtsp_server_set_backlog(server.get(), kBacklog);
+  gst_rtsp_server_set_content_length_limit(server.get(), RequestGuard::kMaxBody);
   {
     // A thread for each client: a DESCRIBE waits for the first packet, and must not hold up others.
     const GObjectPtr<GstRTSPThreadPool> threads(gst_rtsp_server_get_thread_pool(server.get()));
@@ -210,44 +246,87 @@ Status RtspServer::Impl::listen() {
   connect(sessions.get(), "session-removed", G_CALLBACK(on_session_removed), state);
 
   GError* raw = nullptr;
-  listening.reset(gst_rtsp_server_create_source(server.get(), nullptr, &raw));
+  socket.reset(gst_rtsp_server_create_socket(server.get(), nullptr, &raw));
   const GErrorPtr error(raw);
-  if (!listening) return bind_error(options, error);
+  if (!socket) return bind_error(options, error);
+  take_address();
+  listening.reset(g_socket_create_source(socket.get(), G_IO_IN, nullptr));
+  const GSocketSourceFunc on_incoming = [](GSocket*, GIOCondition, gpointer self) -> gboolean {
+    static_cast<Impl*>(self)->accept_one();
+    return G_SOURCE_CONTINUE;
+  };
+  g_source_set_callback(listening.get(), G_SOURCE_FUNC(on_incoming), this, nullptr);
   g_source_attach(listening.get(), context.get());
-  port = static_cast<uint16_t>(gst_rtsp_server_get_bound_port(server.get()));
   return {};
 }
 
-void RtspServer::Impl::close_clients(const std::function<bool(GstRTSPClient*)>& which) {
-  g_list_free_full(gst_rtsp_server_client_filter(
-                       server.get(),
-                       [](GstRTSPServer*, GstRTSPClient* client, gpointer data) {
-                         const auto& chosen =
-                             *static_cast<const std::function<bool(GstRTSPClient*)>*>(data);
-                         return chosen(client) ? GST_RTSP_FILTER_REMOVE : GST_RTSP_FILTER_KEEP;
-                       },
-                       const_cast<std::function<bool(GstRTSPClient*)>*>(&which)),
-                   g_object_unref);
+/// What follows from the address that was bound: where UDP is sent from, and who can watch.
+void RtspServer::Impl::take_address() {
+  const GObjectPtr<GSocketAddress> bound(g_socket_get_local_address(socket.get(), nullptr));
+  SL_CHECK(bound && G_IS_INET_SOCKET_ADDRESS(bound.get()), "the RTSP server has an IP address");
+  port = g_inet_socket_address_get_port(G_INET_SOCKET_ADDRESS(bound.get()));
+  GInetAddress* address = g_inet_socket_address_get_address(G_INET_SOCKET_ADDRESS(bound.get()));
+  if (!g_inet_address_get_is_loopback(address)) {
+    log::warning(
+        "rtsp: {} can be reached from other machines, and there is no password: everybody who "
+        "reaches port {} can watch; 127.0.0.1 under [rtsp] keeps it to this host",
+        state->options.address, port);
+  }
+  if (g_inet_address_get_is_any(address)) return;
+  const GStringPtr text(g_inet_address_to_string(address));
+  udp_addresses.reset(gst_rtsp_address_pool_new());
+  gst_rtsp_address_pool_add_range(udp_addresses.get(), text.get(), text.get(), kFirstUdpPort,
+                                  kLastUdpPort, 0);
 }
 
-void RtspServer::Impl::housekeeping() {
-  gst_rtsp_session_pool_cleanup(sessions.get());
+void RtspServer::Impl::accept_one() {
+  GError* raw = nullptr;
+  GObjectPtr<GSocket> accepted(g_socket_accept(socket.get(), nullptr, &raw));
+  const GErrorPtr error(raw);
   const Time now = MonotonicClock::now();
-  close_clients([&](GstRTSPClient* client) {
-    {
-      std::lock_guard lock(state->mutex);
-      const auto found = state->clients.find(client);
-      if (found == state->clients.end() || now - found->second < kIdleConnection) return false;
+  if (!accepted) {
+    if (g_error_matches(error.get(), G_IO_ERROR, G_IO_ERROR_WOULD_BLOCK)) return;
+    state->refusals.warn(fmt::format("rtsp: a connection cannot be accepted: {}", text_of(error)),
+                         now);
+    g_usleep(50'000);  // out of descriptors, most likely: it would come again at once
+    return;
+  }
+  const std::optional<Peer> peer = peer_of(accepted.get());
+  if (!peer) return;
+  if (state->connections.make_room(*peer)) {
+    hand_over(std::move(accepted), *peer);
+    return;
+  }
+  state->refusals.warn(
+      fmt::format("rtsp: a client at {} is refused: {} are connected and none is idle "
+                  "(max_clients, max_clients_per_address)",
+                  peer->address, state->connections.count()),
+      now);
+}
+
+void RtspServer::Impl::hand_over(GObjectPtr<GSocket> accepted, const Peer& peer) {
+  const int fd = g_socket_get_fd(accepted.get());
+  bound_peer(fd);
+  RtspConnections::Connection& arriving = state->arriving;
+  arriving = {peer, std::make_shared<GuardedInput>(), UniqueFd(fcntl(fd, F_DUPFD_CLOEXEC, 0)),
+              MonotonicClock::now(), false};
+  if (!arriving.socket.is_open()) return;
+  const std::weak_ptr<State> of = state;
+  arriving.input->on_refusal = [of, address = peer.address](RequestGuard::Verdict verdict) {
+    if (const auto it = of.lock()) {
+      it->refusals.warn(
+          fmt::format("rtsp: the connection from {} is ended: {}", address, describe(verdict)),
+          MonotonicClock::now());
     }
-    GList* its_sessions = gst_rtsp_client_session_filter(client, nullptr, nullptr);
-    const bool idle = its_sessions == nullptr;
-    g_list_free_full(its_sessions, g_object_unref);
-    return idle;
-  });
+  };
+  guard_socket(accepted.get(), arriving.input);
+  gst_rtsp_server_transfer_connection(server.get(), accepted.release(), peer.address.c_str(),
+                                      peer.port, nullptr);
+  arriving = {};
 }
 
 void RtspServer::Impl::drop_everybody() {
-  close_clients([](GstRTSPClient*) { return true; });
+  state->connections.end_if([](const void*) { return true; });
   g_list_free_full(
       gst_rtsp_session_pool_filter(
           sessions.get(),
@@ -276,8 +355,7 @@ Result<std::unique_ptr<RtspServer>> RtspServer::create(const RtspOptions& option
                       "gstreamer1.0-plugins-bad",
                       element);
   }
-  auto impl = std::make_unique<Impl>();
-  impl->state->options = options;
+  auto impl = std::make_unique<Impl>(options);
   SL_RETURN_IF_ERROR(impl->listen());
   return std::unique_ptr<RtspServer>(new RtspServer(std::move(impl)));
 }
@@ -299,7 +377,7 @@ Result<std::shared_ptr<RtspStream>> RtspServer::add_stream(const std::string& na
     }
   }
   gst_rtsp_mount_points_add_factory(impl_->mounts.get(), ("/" + name).c_str(),
-                                    stream->make_factory().release());
+                                    stream->make_factory(impl_->udp_addresses.get()).release());
   return std::shared_ptr<RtspStream>(stream);
 }
 
@@ -313,34 +391,40 @@ void RtspServer::remove_stream(const std::string& name) {
     impl_->state->streams.erase(found);
   }
   gst_rtsp_mount_points_remove_factory(impl_->mounts.get(), ("/" + name).c_str());
-  impl_->close_clients([&](GstRTSPClient* client) { return stream->is_watched_by(client); });
+  impl_->state->connections.end_if(
+      [&](const void* client) { return stream->is_watched_by(client); });
   stream->close();
 }
 
 uint16_t RtspServer::port() const { return impl_->port; }
 
-int RtspServer::clients() const {
-  std::lock_guard lock(impl_->state->mutex);
-  return static_cast<int>(impl_->state->clients.size());
-}
+int RtspServer::clients() const { return impl_->state->connections.count(); }
 
-void RtspServer::run(std::stop_token stop) {
+void RtspServer::run(std::stop_token stop, const std::function<void()>& on_tick) {
   GMainContext* context = impl_->context.get();
   g_main_context_push_thread_default(context);
+  struct Tick {
+    Impl& impl;
+    const std::function<void()>& callback;
+  } ticking{*impl_, on_tick};
   const GSourcePtr tick(g_timeout_source_new(500));
   g_source_set_callback(
       tick.get(),
-      [](gpointer self) -> gboolean {
-        static_cast<Impl*>(self)->housekeeping();
+      [](gpointer data) -> gboolean {
+        const auto& self = *static_cast<const Tick*>(data);
+        gst_rtsp_session_pool_cleanup(self.impl.sessions.get());
+        self.impl.state->connections.end_overdue(MonotonicClock::now());
+        if (self.callback) self.callback();
         return G_SOURCE_CONTINUE;
       },
-      impl_.get(), nullptr);
+      &ticking, nullptr);
   g_source_attach(tick.get(), context);
   {
     const std::stop_callback wake(stop, [context] { g_main_context_wakeup(context); });
     while (!stop.stop_requested()) g_main_context_iteration(context, TRUE);
   }
   impl_->listening.reset();
+  impl_->socket.reset();
   impl_->drop_everybody();
   const Time deadline = MonotonicClock::now() + kGoodbye;
   while (clients() > 0 && MonotonicClock::now() < deadline) {

@@ -1,25 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "rtsp_stream.hpp"
+#include "stream/rtsp_stream.hpp"
 
 #include <gst/app/gstappsrc.h>
 
-#include "handover.hpp"
 #include "sightline/base/log.hpp"
+#include "stream/handover.hpp"
 
-namespace sightline {
+namespace sightline::stream {
 namespace {
 
 /// Packets that may wait for a media pipeline's thread; more, and the stream skips to a key frame.
 constexpr guint64 kMaxQueued = 8;
 
 using SharedBytes = std::shared_ptr<const std::vector<uint8_t>>;
-using StreamPtr = Carried<std::shared_ptr<SharedStream>>;
+using StreamPtr = UserData<std::shared_ptr<SharedStream>>;
 
 /// A buffer over the packet's own bytes.
 GstBuffer* wrap_bytes(const SharedBytes& bytes) {
   return gst_buffer_new_wrapped_full(
       GST_MEMORY_FLAG_READONLY, const_cast<uint8_t*>(bytes->data()), bytes->size(), 0,
-      bytes->size(), Carried<SharedBytes>::make(bytes), Carried<SharedBytes>::destroy);
+      bytes->size(), UserData<SharedBytes>::make(bytes), UserData<SharedBytes>::destroy);
 }
 
 std::string launch_line(const RtspStreamOptions& options) {
@@ -133,12 +133,13 @@ bool SharedStream::send(Media& media, const EncodedPacket& packet) {
   return true;
 }
 
-GObjectPtr<GstRTSPMediaFactory> SharedStream::make_factory() {
+GObjectPtr<GstRTSPMediaFactory> SharedStream::make_factory(GstRTSPAddressPool* udp_addresses) {
   GObjectPtr<GstRTSPMediaFactory> factory(gst_rtsp_media_factory_new());
   gst_rtsp_media_factory_set_launch(factory.get(), launch_line(options_).c_str());
   gst_rtsp_media_factory_set_shared(factory.get(), TRUE);
   gst_rtsp_media_factory_set_latency(factory.get(), 0);
   gst_rtsp_media_factory_set_stop_on_disconnect(factory.get(), TRUE);
+  gst_rtsp_media_factory_set_address_pool(factory.get(), udp_addresses);
   gst_rtsp_media_factory_set_protocols(
       factory.get(),
       static_cast<GstRTSPLowerTrans>(GST_RTSP_LOWER_TRANS_UDP | GST_RTSP_LOWER_TRANS_TCP));
@@ -216,7 +217,7 @@ void SharedStream::client_gone(const GstRTSPClient* client) {
   std::erase_if(playing_, [&](const auto& viewer) { return viewer.first == client; });
 }
 
-bool SharedStream::is_watched_by(const GstRTSPClient* client) const {
+bool SharedStream::is_watched_by(const void* client) const {
   std::lock_guard lock(mutex_);
   return std::any_of(playing_.begin(), playing_.end(),
                      [&](const auto& viewer) { return viewer.first == client; });
@@ -233,4 +234,4 @@ void SharedStream::close() {
   report_wanted();
 }
 
-}  // namespace sightline
+}  // namespace sightline::stream

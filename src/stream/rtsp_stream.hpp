@@ -9,11 +9,11 @@
 #include <string>
 #include <utility>
 
-#include "gst_ptr.hpp"
-#include "rtp_clock.hpp"
 #include "sightline/stream/rtsp_server.hpp"
+#include "stream/gst_ptr.hpp"
+#include "stream/rtp_clock.hpp"
 
-namespace sightline {
+namespace sightline::stream {
 
 /// The stream behind one mount point: the media pipelines that exist for it, and who plays it.
 ///
@@ -32,14 +32,15 @@ class SharedStream : public RtspStream, public std::enable_shared_from_this<Shar
   void on_keyframe_wanted(std::function<void()> callback) override;
   std::string url() const override { return url_; }
 
-  /// The factory for the mount point; it keeps the stream alive.
-  GObjectPtr<GstRTSPMediaFactory> make_factory();
+  /// The factory for the mount point; it keeps the stream alive. RTP over UDP is sent from one of
+  /// `udp_addresses`; null: from any address.
+  GObjectPtr<GstRTSPMediaFactory> make_factory(GstRTSPAddressPool* udp_addresses);
 
   void viewer_started(const GstRTSPClient* client, const std::string& session);
   void viewer_stopped(const GstRTSPClient* client, const std::string& session);
   void session_gone(const std::string& session);
   void client_gone(const GstRTSPClient* client);
-  bool is_watched_by(const GstRTSPClient* client) const;
+  bool is_watched_by(const void* client) const;
   /// Lets go of all pipelines; push() does nothing from now on.
   void close();
 
@@ -72,4 +73,4 @@ class SharedStream : public RtspStream, public std::enable_shared_from_this<Shar
   bool reported_ = false;
 };
 
-}  // namespace sightline
+}  // namespace sightline::stream

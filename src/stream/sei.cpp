@@ -7,7 +7,7 @@
 #include <concepts>
 #include <limits>
 
-#include "h264_bytes.hpp"
+#include "sightline/image/h264.hpp"
 
 namespace sightline {
 
@@ -171,7 +171,7 @@ Result<SeiObject> read_object(Reader& reader) {
     for (double& value : v) value = record.get_double();
     object.sigma_translation = record.get_float();
     object.sigma_rotation = record.get_float();
-    // Assigned, not constructed: normalising again would change the last bit.
+    // Assigned, not constructed: normalizing again would change the last bit.
     object.world_from_object.translation = {v[0], v[1], v[2]};
     object.world_from_object.rotation = Eigen::Quaterniond(v[3], v[4], v[5], v[6]);
     if (!record.ok()) return damaged("a pose is cut short");
@@ -243,16 +243,16 @@ std::string name_of(ObjectId id, std::span<const NamedObject> names) {
 
 }  // namespace
 
-SeiMessage sei_message_of(const AnnotatedPicture& picture, const std::string& camera_name,
+SeiMessage sei_message_of(const AnnotatedImage& image, const std::string& camera_name,
                           std::span<const NamedObject> names) {
   SeiMessage message;
   message.camera = camera_name;
-  message.epoch = picture.frame.epoch;
-  message.sequence = picture.frame.sequence;
-  message.capture = picture.frame.capture;
-  message.capture_utc_ns = utc_ns_of(picture.frame.capture);
-  message.capture_error = picture.frame.capture_error;
-  for (const PoseAt& pose : picture.poses) {
+  message.epoch = image.frame.epoch;
+  message.sequence = image.frame.sequence;
+  message.capture = image.frame.capture;
+  message.capture_utc_ns = utc_ns_of(image.frame.capture);
+  message.capture_error = image.frame.capture_error;
+  for (const PoseAt& pose : image.poses) {
     SeiObject object;
     object.id = pose.estimate.object;
     object.name = name_of(object.id, names);
@@ -310,7 +310,7 @@ std::vector<uint8_t> insert_sei(std::span<const uint8_t> access_unit,
 Result<SeiMessage> parse_sei(std::span<const uint8_t> access_unit) {
   NalReader reader(access_unit);
   while (const auto nal = reader.next()) {
-    if (nal->type != static_cast<uint8_t>(NalType::kSei)) continue;
+    if (nal->type != NalType::kSei) continue;
     const std::vector<uint8_t> raw = unescaped(nal->body.subspan(1));
     const auto ours = find_ours(raw);
     if (ours.data() != nullptr) return read_message(ours);

@@ -15,6 +15,7 @@
 #include "sightline/base/result.hpp"
 #include "sightline/base/thread.hpp"
 #include "sightline/base/time.hpp"
+#include "sightline/base/toml_nesting.hpp"
 #include "sightline/base/unique_fd.hpp"
 
 namespace sightline {
@@ -115,10 +116,55 @@ TEST_F(Files, WritesAsideAndReplaces) {
 TEST_F(Files, RefusesWhatIsNotAFile) {
   EXPECT_EQ(read_file(directory_ / "none").error().code, ErrorCode::kNotFound);
   EXPECT_EQ(read_file(directory_).error().code, ErrorCode::kInvalidInput);
+  std::filesystem::create_symlink("circle", directory_ / "circle");
+  EXPECT_EQ(read_file(directory_ / "circle").error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(read_file(directory_ / std::string(300, 'x')).error().code, ErrorCode::kNotFound);
   mkfifo((directory_ / "fifo").c_str(), 0600);
   EXPECT_EQ(read_file(directory_ / "fifo").error().code, ErrorCode::kInvalidInput);
   ASSERT_TRUE(write_file_atomically(directory_ / "big", std::string(100, 'x')));
   EXPECT_THAT(read_file(directory_ / "big", 10).error().text, testing::HasSubstr("larger"));
+}
+
+TEST_F(Files, ASparseFileOfAnySizeIsRefusedBeforeItIsRead) {
+  ASSERT_TRUE(write_file_atomically(directory_ / "sparse", "x"));
+  std::error_code code;
+  std::filesystem::resize_file(directory_ / "sparse", uint64_t{8} << 40, code);
+  if (code) GTEST_SKIP() << "no sparse file of 8 TB here: " << code.message();
+  EXPECT_THAT(read_file(directory_ / "sparse").error().text, testing::HasSubstr("larger"));
+}
+
+std::string repeated(std::string_view part, size_t count) {
+  std::string text;
+  for (size_t i = 0; i < count; ++i) text += part;
+  return text;
+}
+
+TEST(TomlNesting, DeepHeadersKeysAndListsAreRefused) {
+  const auto where = [](const std::string& text) {
+    const Status status = check_toml_nesting(text, "f.toml");
+    return status ? std::string("accepted") : status.error().where;
+  };
+  EXPECT_EQ(where("a = 1\n[" + repeated("a.", 35000) + "a]\n"), "f.toml:2:65");
+  EXPECT_EQ(where(repeated("a . ", 40) + "a = 1\n"), "f.toml:1:127");
+  EXPECT_EQ(where("a = " + repeated("[", 35000)), "f.toml:1:37");
+  EXPECT_EQ(where("a = " + repeated("{a=", 35000)), "f.toml:1:101");
+  EXPECT_EQ(where(repeated("\"x.y\".", 35000) + "a = 1"), "f.toml:1:192");
+  // A quote right before the three that close belongs to the text.
+  EXPECT_NE(where("a = {x = \"\"\"y\"\"\"\", " + repeated("b.", 35000) + "b = 1}"), "accepted");
+}
+
+TEST(TomlNesting, LongFlatFilesAreAccepted) {
+  const auto accepts = [](const std::string& text) {
+    return check_toml_nesting(text, "f.toml").has_value();
+  };
+  EXPECT_TRUE(accepts("a = [" + repeated("[1.5, 2.5],\n", 1000) + "]\n"));
+  EXPECT_TRUE(accepts(repeated("[[a.b]]\nc = {d.e = 1.5}\n", 1000)));
+  const std::string brackets(1000, '[');
+  EXPECT_TRUE(accepts("a = \"" + brackets + "\" # " + brackets));
+  EXPECT_TRUE(accepts("a = '" + brackets + "\\' # '" + brackets));
+  EXPECT_TRUE(accepts("a = \"\"\"\n\"" + brackets + "\\\"\"\"\"\n"));
+  EXPECT_TRUE(accepts("a = '''\n'" + brackets + "'''\n"));
+  EXPECT_TRUE(accepts("a = \"" + repeated(".", 1000) + "\""));
 }
 
 TEST_F(Files, UniqueFdClosesOnce) {

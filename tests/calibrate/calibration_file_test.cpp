@@ -131,6 +131,14 @@ TEST(CalibrationFile, EquidistantIsFisheye) {
   EXPECT_EQ(cameras->front().model.parameters().lens, LensModel::kFisheye);
 }
 
+TEST(CalibrationFile, RefusesADeepHeader) {
+  std::string text = "[a";
+  for (int i = 0; i < 35000; ++i) text += ".a";
+  const auto parsed = parse_calibration(text + "]\n", "calibration.toml");
+  ASSERT_FALSE(parsed);
+  EXPECT_EQ(parsed.error().where, "calibration.toml:1:65");
+}
+
 TEST(CalibrationFile, RefusesWrongKeysAndTypes) {
   EXPECT_THAT(with("rms_px", "rms_pixels"), FailsWith("c.toml:17:1: unknown key 'rms_pixels'"));
   EXPECT_THAT(with("fx = 612.4\n", ""), FailsWith("c.toml:1:1: camera without 'fx'"));
@@ -153,7 +161,11 @@ TEST(CalibrationFile, RefusesWrongKeysAndTypes) {
 
 TEST(CalibrationFile, RefusesWrongValues) {
   EXPECT_THAT(with("612.4", "nan"), FailsWith("c.toml:6:6: 'fx' is not finite"));
-  EXPECT_THAT(with("612.4", "-612.4"), FailsWith("c.toml:6:6: focal lengths"));
+  for (const char* focal : {"-612.4", "1e300", "1e-300"}) {
+    EXPECT_THAT(with("612.4", focal), FailsWith("c.toml:6:6: focal lengths")) << focal;
+  }
+  EXPECT_THAT(with("rms_px = 0.31", "rms_px = 1e300"),
+              FailsWith("c.toml:17:10: 'rms_px' is 1e+300"));
   EXPECT_THAT(with("width = 640", "width = 640.5"),
               FailsWith("c.toml:3:9: 'width' must be a whole"));
   EXPECT_THAT(with("width = 640", "width = 0"), FailsWith("c.toml:3:9: 'width' is 0"));

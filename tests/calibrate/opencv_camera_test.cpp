@@ -86,7 +86,7 @@ TEST(OpenCvCamera, PaddedCoefficientsAndLensFamilies) {
   EXPECT_EQ(fisheye->model.parameters().lens, LensModel::kFisheye);
 }
 
-TEST(OpenCvCamera, SizeMayComeFromThePicture) {
+TEST(OpenCvCamera, SizeMayComeFromTheImage) {
   Written written;
   written.size = false;
   EXPECT_THAT(parse_opencv_camera(written.text(), "c"), FailsWith("image_width"));
@@ -115,6 +115,9 @@ TEST(OpenCvCamera, RefusesByName) {
   Written unfinished;
   unfinished.k.at<double>(0, 0) = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THAT(parse_opencv_camera(unfinished.text(), "c.yml"), FailsWith("not finite"));
+  Written absurd;
+  absurd.k.at<double>(0, 0) = 1e300;
+  EXPECT_THAT(parse_opencv_camera(absurd.text(), "c.yml"), FailsWith("c.yml: focal lengths"));
   EXPECT_THAT(parse_opencv_camera("fx = 3", "c.yml"), FailsWith("c.yml"));
   EXPECT_THAT(parse_opencv_camera("", "c.yml"), FailsWith("c.yml"));
   EXPECT_THAT(read_camera("/nowhere/c.yml", {}), FailsWith("/nowhere/c.yml"));

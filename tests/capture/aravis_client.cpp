@@ -11,12 +11,13 @@
 #include <cstdio>
 #include <cstdlib>
 #include <deque>
+#include <iterator>
 #include <optional>
 #include <string>
 #include <string_view>
 
 #include "pattern_check.hpp"
-#include "sightline/capture/aravis_source.hpp"
+#include "sightline/capture/aravis/aravis_source.hpp"
 
 namespace {
 
@@ -40,70 +41,69 @@ struct Settings {
   AravisOptions aravis;
   int hold = 0;        // frames kept in hand
   bool fire = false;   // a software trigger for every frame
-  bool check = false;  // pictures against gige_simulator's pattern
+  bool check = false;  // images against gige_simulator's pattern
 };
 
-bool set(Settings& settings, std::string_view key, const std::string& value) {
-  AravisOptions& o = settings.aravis;
-  const int number = std::atoi(value.c_str());
-  if (key == "width")
-    o.width = number;
-  else if (key == "height")
-    o.height = number;
-  else if (key == "rate")
-    o.rate_hz = std::atof(value.c_str());
-  else if (key == "exposure")
-    o.exposure_us = std::atof(value.c_str());
-  else if (key == "transit")
-    o.transit_us = std::atof(value.c_str());
-  else if (key == "format")
-    o.pixel_format = value;
-  else if (key == "trigger")
-    o.trigger = value;
-  else if (key == "packet_size")
-    o.packet_size = number;
-  else if (key == "packet_socket")
-    o.packet_socket = number != 0;
-  else if (key == "buffers")
-    o.buffers = number;
-  else if (key == "ptp")
-    o.ptp = number != 0;
-  else if (key == "gain")
-    o.gain = std::atof(value.c_str());
-  else if (key == "edge")
-    o.trigger_edge = value == "falling" ? TriggerEdge::kFalling : TriggerEdge::kRising;
-  else if (key == "delay")
-    o.trigger_delay_us = std::atof(value.c_str());
-  else if (key == "strobe")
-    o.strobe = value;
-  else if (key == "group")
-    o.action.group_key = static_cast<uint32_t>(number);
-  else if (key == "latch")
-    o.latch = number != 0;
-  else if (key == "chunks")
-    o.chunks = number != 0;
-  else if (key == "stamp")
-    o.stamp = value == "end" ? ExposureStamp::kEnd : ExposureStamp::kStart;
-  else if (key == "resend")
-    o.resend = number != 0;
-  else if (key == "resend_ratio")
-    o.resend_ratio = std::atof(value.c_str());
-  else if (key == "packet_timeout")
-    o.packet_timeout_us = number;
-  else if (key == "retention")
-    o.frame_retention_us = number;
-  else if (key == "socket_buffer")
-    o.socket_buffer = number;
-  else if (key == "packet_delay")
-    o.packet_delay_ns = number;
-  else if (key == "check")
-    settings.check = number != 0;
-  else if (key == "hold")
-    settings.hold = number;
-  else if (key == "fire")
-    settings.fire = number != 0;
-  else
-    return false;
+void read_into(int& to, const std::string& text) { to = std::atoi(text.c_str()); }
+void read_into(uint32_t& to, const std::string& text) {
+  to = static_cast<uint32_t>(std::atoi(text.c_str()));
+}
+void read_into(bool& to, const std::string& text) { to = text != "0"; }
+void read_into(double& to, const std::string& text) { to = std::atof(text.c_str()); }
+void read_into(std::string& to, const std::string& text) { to = text; }
+
+struct Key {
+  std::string_view name;
+  void (*set)(Settings& settings, const std::string& value);
+};
+constexpr Key kKeys[] = {
+    {"width", [](Settings& s, const std::string& v) { read_into(s.aravis.width, v); }},
+    {"height", [](Settings& s, const std::string& v) { read_into(s.aravis.height, v); }},
+    {"rate", [](Settings& s, const std::string& v) { read_into(s.aravis.rate_hz, v); }},
+    {"exposure", [](Settings& s, const std::string& v) { read_into(s.aravis.exposure_us, v); }},
+    {"transit", [](Settings& s, const std::string& v) { read_into(s.aravis.transit_us, v); }},
+    {"format", [](Settings& s, const std::string& v) { read_into(s.aravis.pixel_format, v); }},
+    {"trigger", [](Settings& s, const std::string& v) { read_into(s.aravis.trigger, v); }},
+    {"packet_size", [](Settings& s, const std::string& v) { read_into(s.aravis.packet_size, v); }},
+    {"packet_socket",
+     [](Settings& s, const std::string& v) { read_into(s.aravis.packet_socket, v); }},
+    {"buffers", [](Settings& s, const std::string& v) { read_into(s.aravis.buffers, v); }},
+    {"ptp", [](Settings& s, const std::string& v) { read_into(s.aravis.ptp, v); }},
+    {"gain", [](Settings& s, const std::string& v) { read_into(s.aravis.gain, v); }},
+    {"edge",
+     [](Settings& s, const std::string& v) {
+       s.aravis.trigger_edge = v == "falling" ? TriggerEdge::kFalling : TriggerEdge::kRising;
+     }},
+    {"delay", [](Settings& s, const std::string& v) { read_into(s.aravis.trigger_delay_us, v); }},
+    {"strobe", [](Settings& s, const std::string& v) { read_into(s.aravis.strobe, v); }},
+    {"group", [](Settings& s, const std::string& v) { read_into(s.aravis.action.group_key, v); }},
+    {"latch", [](Settings& s, const std::string& v) { read_into(s.aravis.latch, v); }},
+    {"chunks", [](Settings& s, const std::string& v) { read_into(s.aravis.chunks, v); }},
+    {"stamp",
+     [](Settings& s, const std::string& v) {
+       s.aravis.stamp = v == "end" ? ExposureStamp::kEnd : ExposureStamp::kStart;
+     }},
+    {"resend", [](Settings& s, const std::string& v) { read_into(s.aravis.resend, v); }},
+    {"resend_ratio",
+     [](Settings& s, const std::string& v) { read_into(s.aravis.resend_ratio, v); }},
+    {"packet_timeout",
+     [](Settings& s, const std::string& v) { read_into(s.aravis.packet_timeout_us, v); }},
+    {"retention",
+     [](Settings& s, const std::string& v) { read_into(s.aravis.frame_retention_us, v); }},
+    {"socket_buffer",
+     [](Settings& s, const std::string& v) { read_into(s.aravis.socket_buffer, v); }},
+    {"packet_delay",
+     [](Settings& s, const std::string& v) { read_into(s.aravis.packet_delay_ns, v); }},
+    {"check", [](Settings& s, const std::string& v) { read_into(s.check, v); }},
+    {"hold", [](Settings& s, const std::string& v) { read_into(s.hold, v); }},
+    {"fire", [](Settings& s, const std::string& v) { read_into(s.fire, v); }},
+};
+
+bool set(Settings& settings, std::string_view name, const std::string& value) {
+  const auto* const key = std::find_if(std::begin(kKeys), std::end(kKeys),
+                                       [name](const Key& k) { return k.name == name; });
+  if (key == std::end(kKeys)) return false;
+  key->set(settings, value);
   return true;
 }
 
@@ -125,7 +125,7 @@ void say_status(const AravisStatus& s) {
 bool read(AravisSource& source, const Settings& settings) {
   std::deque<FramePtr> held;
   uint64_t frames = 0;
-  std::optional<PatternCheck> check;
+  std::optional<capture::PatternCheck> check;
   if (settings.check) {
     check.emplace(source.status().pixel_format, source.info().width, source.info().height);
   }
@@ -148,11 +148,11 @@ bool read(AravisSource& source, const Settings& settings) {
     const FrameInfo& info = frame.info();
     // The simulated camera stamps with the host's wall clock: its truth is known.
     const Time truth = info.arrival - Duration(utc_ns_of(info.arrival) - info.device_time_ns);
-    const I420View picture = frame.i420();
+    const I420View image = frame.i420();
     say("frame n={} epoch={} sequence={} dropped={} width={} height={} payload={} luma={} "
         "error_ns={} bound_ns={} age_ns={} device_ns={} capture_ns={} pattern={}",
         frames++, info.epoch, info.sequence, info.dropped_before, info.width, info.height,
-        frame.payload().bytes.size(), picture.y.row(info.height / 2)[info.width / 2],
+        frame.payload().bytes.size(), image.y.row(info.height / 2)[info.width / 2],
         (info.capture - truth).count(), info.capture_error.count(),
         (info.arrival - info.capture).count(), info.device_time_ns, to_ns(info.capture),
         check ? check->find(frame) : -1);

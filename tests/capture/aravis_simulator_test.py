@@ -72,7 +72,7 @@ class Camera(unittest.TestCase):
         return client
 
     def assert_whole(self, client):
-        """Every frame is one of the pictures that were sent, byte for byte, and later than the one before."""
+        """Every frame is one of the images that were sent, byte for byte, and later than the one before."""
         frames = client.all_frames()
         self.assertNotIn("-2", {frame["pattern"] for frame in frames})
         for before, after in zip(frames, frames[1:]):

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // From an Aravis camera's stamps to the middle of exposure, and what the bound admits.
-#include "aravis_times.hpp"
+#include "capture/aravis/aravis_times.hpp"
 
 #include <gtest/gtest.h>
 
-namespace sightline {
+namespace sightline::capture {
 namespace {
 
 using namespace std::chrono_literals;
@@ -90,7 +90,7 @@ TEST(AravisTimes, LatchesNeedNoMeasuredWay) {
                        start + kExposure + kReadout + 4ms, 5000.0};
     times.stamp(stamps, info);
     EXPECT_TRUE(times.latched());
-    // The exposure that came with the picture, not the one that was set.
+    // The exposure that came with the image, not the one that was set.
     EXPECT_LE(std::chrono::abs(info.capture - (start + 2500us)), info.capture_error);
     EXPECT_LT(info.capture_error, 500us);
   }
@@ -133,4 +133,4 @@ TEST(AravisTimes, NeverAfterTheArrival) {
 }
 
 }  // namespace
-}  // namespace sightline
+}  // namespace sightline::capture

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "bayer_decoder.hpp"
+#include "capture/decode/bayer_decoder.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,17 +7,17 @@
 #include <vector>
 
 #include "sightline/image/convert.hpp"
-#include "sightline/image/picture.hpp"
+#include "sightline/image/image.hpp"
 #include "support/matchers.hpp"
 
-namespace sightline {
+namespace sightline::capture {
 namespace {
 
 using test::FailsWith;
 using test::IsOk;
 
 constexpr int kWidth = 24, kHeight = 16;
-constexpr std::array<uint8_t, 3> kColour = {200, 120, 40};  // r, g, b
+constexpr std::array<uint8_t, 3> kColor = {200, 120, 40};  // r, g, b
 
 // Which of r, g, b the sample at (x, y) shows.
 size_t channel(MosaicPattern pattern, int x, int y) {
@@ -63,15 +63,15 @@ std::vector<uint8_t> pack(const std::vector<uint8_t>& samples, BayerPacking pack
 using Param = std::tuple<MosaicPattern, BayerPacking>;
 class Mosaics : public testing::TestWithParam<Param> {};
 
-TEST_P(Mosaics, OneColourComesOutAsThatColour) {
+TEST_P(Mosaics, OneColorComesOutAsThatColor) {
   const auto [pattern, packing] = GetParam();
   std::vector<uint8_t> samples;
   for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) samples.push_back(kColour[channel(pattern, x, y)]);
+    for (int x = 0; x < kWidth; ++x) samples.push_back(kColor[channel(pattern, x, y)]);
   }
   std::vector<uint8_t> rgb;
-  for (int i = 0; i < kWidth * kHeight; ++i) rgb.insert(rgb.end(), kColour.begin(), kColour.end());
-  Picture expected(kWidth, kHeight), got(kWidth, kHeight);
+  for (int i = 0; i < kWidth * kHeight; ++i) rgb.insert(rgb.end(), kColor.begin(), kColor.end());
+  Image expected(kWidth, kHeight), got(kWidth, kHeight);
   ASSERT_THAT(raw_to_i420(PixelFormat::kRgb24, rgb, 0, expected.mutable_view()), IsOk());
 
   BayerDecoder decoder(pattern, packing, kWidth, kHeight);
@@ -96,9 +96,9 @@ INSTANTIATE_TEST_SUITE_P(
 
 TEST(Bayer, RefusesTooFewBytes) {
   BayerDecoder decoder(MosaicPattern::kRggb, BayerPacking::k8, kWidth, kHeight);
-  Picture picture(kWidth, kHeight);
+  Image image(kWidth, kHeight);
   const std::vector<uint8_t> bytes(kWidth * kHeight - 1);
-  EXPECT_THAT(decoder.decode(bytes, kWidth, picture.mutable_view()), FailsWith("are needed"));
+  EXPECT_THAT(decoder.decode(bytes, kWidth, image.mutable_view()), FailsWith("are needed"));
 }
 
 TEST(Bayer, PackedRowsMayEndWithinAGroup) {
@@ -121,4 +121,4 @@ TEST(Bayer, ValuesAboveTheirBitsSaturate) {
 }
 
 }  // namespace
-}  // namespace sightline
+}  // namespace sightline::capture

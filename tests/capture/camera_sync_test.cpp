@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Phase and drift of two cameras whose truth is known.
-#include "sightline/capture/camera_sync.hpp"
+#include "sightline/capture/common/camera_sync.hpp"
 
 #include <gtest/gtest.h>
 

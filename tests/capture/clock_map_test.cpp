@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The mapping against a simulated device clock whose truth is known.
-#include "sightline/capture/clock_map.hpp"
+#include "sightline/capture/common/clock_map.hpp"
 
 #include <gtest/gtest.h>
 

@@ -7,7 +7,7 @@
 #include <fstream>
 #include <string>
 
-#include "v4l2_nodes.hpp"
+#include "capture/v4l2/v4l2_nodes.hpp"
 
 namespace sightline::test {
 
@@ -26,7 +26,9 @@ class DeviceTree {
   DeviceTree& operator=(const DeviceTree&) = delete;
   ~DeviceTree() { std::filesystem::remove_all(root_); }
 
-  V4l2Places places() const { return {(root_ / "sys/class/video4linux").string(), dev("")}; }
+  capture::V4l2Places places() const {
+    return {(root_ / "sys/class/video4linux").string(), dev("")};
+  }
   std::string dev(const std::string& name) const { return (root_ / "dev" / name).string(); }
 
   /// A node of a USB camera; a port of "" makes one that hangs on nothing.

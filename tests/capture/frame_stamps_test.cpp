@@ -1,34 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "frame_stamps.hpp"
+#include "capture/common/frame_stamps.hpp"
 
 #include <gtest/gtest.h>
 
 #include <chrono>
 
-namespace sightline {
+namespace sightline::capture {
 namespace {
 
 using namespace std::chrono_literals;
 
 constexpr Time at(Duration since) { return time_from_ns(0) + 100s + since; }
-
-TEST(SequenceUnwrapper, CountsGapsAndGoesThroughTheWrap) {
-  SequenceUnwrapper unwrapper;
-  EXPECT_EQ(unwrapper.step(0xfffffffe).sequence, 0u);
-  EXPECT_EQ(unwrapper.step(0xffffffff).sequence, 1u);
-  const auto wrapped = unwrapper.step(3);
-  EXPECT_EQ(wrapped.sequence, 5u);
-  EXPECT_EQ(wrapped.dropped_before, 3u);
-}
-
-TEST(SequenceUnwrapper, NumbersThatStandStillOrGoBackStillGrow) {
-  SequenceUnwrapper unwrapper;
-  unwrapper.step(7);
-  EXPECT_EQ(unwrapper.step(7).sequence, 1u);
-  const auto back = unwrapper.step(0);
-  EXPECT_EQ(back.sequence, 2u);
-  EXPECT_EQ(back.dropped_before, 0u);
-}
 
 // The middle of the true exposure lies within the bound, whatever exposure and readout are.
 TEST(StampMapper, BoundHoldsForEveryExposureAndReadout) {
@@ -92,4 +74,4 @@ TEST(StampMapper, OneWrongStampDoesNotCondemnTheNext) {
 }
 
 }  // namespace
-}  // namespace sightline
+}  // namespace sightline::capture

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Formats, unpackers, colours and frame numbers of GenICam cameras, from generated buffers.
+// Formats, unpackers and colors of GenICam cameras, from generated buffers.
 #include <gtest/gtest.h>
 
 #include <memory>
@@ -7,60 +7,13 @@
 #include <set>
 #include <vector>
 
-#include "bytes_pool.hpp"
-#include "frame_ids.hpp"
-#include "genicam_formats.hpp"
-#include "genicam_picture.hpp"
+#include "capture/aravis/genicam_formats.hpp"
+#include "capture/aravis/genicam_image.hpp"
+#include "capture/common/bytes_pool.hpp"
 #include "support/allocations.hpp"
 
-namespace sightline {
+namespace sightline::capture {
 namespace {
-
-// --- frame numbers ---
-
-TEST(FrameIds, SixteenBitsWrapFromLastToOne) {
-  FrameIds ids(FrameIds::Width::k16);
-  uint64_t expected = 0;
-  uint64_t id = 65400;
-  for (int i = 0; i < 140'000; ++i) {
-    const FrameIds::Step step = ids.step(id);
-    ASSERT_EQ(step.sequence, expected++);
-    ASSERT_EQ(step.missing, 0u);
-    id = id == 65535 ? 1 : id + 1;
-  }
-}
-
-TEST(FrameIds, CountsWhatIsMissingAcrossTheWrap) {
-  FrameIds ids(FrameIds::Width::k16);
-  ids.step(65533);
-  const FrameIds::Step step = ids.step(2);  // 65534, 65535, 1 are missing
-  EXPECT_EQ(step.missing, 3u);
-  EXPECT_EQ(step.sequence, 4u);
-}
-
-TEST(FrameIds, SixtyFourBitsNeverWrap) {
-  FrameIds ids(FrameIds::Width::k16);
-  ids.step(65534);
-  EXPECT_EQ(ids.step(65535).missing, 0u);
-  EXPECT_EQ(ids.step(65536).missing, 0u);
-  EXPECT_EQ(ids.step(65540).missing, 3u);
-  FrameIds usb(FrameIds::Width::k64);
-  EXPECT_EQ(usb.step(0).sequence, 0u);
-  EXPECT_EQ(usb.step(1).sequence, 1u);
-  EXPECT_EQ(usb.step(uint64_t{1} << 40).missing, 0xFFFFFFFFu);  // saturates
-}
-
-TEST(FrameIds, RepeatedAndReturningNumbersGrowByOne) {
-  FrameIds ids(FrameIds::Width::k16);
-  ids.step(0);
-  EXPECT_EQ(ids.step(0).sequence, 1u);  // a camera that does not count
-  EXPECT_EQ(ids.step(0).sequence, 2u);
-  FrameIds restarted(FrameIds::Width::k16);
-  restarted.step(500);
-  const FrameIds::Step step = restarted.step(1);
-  EXPECT_EQ(step.sequence, 1u);
-  EXPECT_EQ(step.missing, 0u);
-}
 
 // --- formats ---
 
@@ -153,31 +106,31 @@ struct Counted {
   std::shared_ptr<const void> owner = std::make_shared<int>(0);
 };
 
-TEST(GenicamPicture, DirectFormatsAreNotCopied) {
+TEST(GenicamImage, DirectFormatsAreNotCopied) {
   const int width = 6, height = 4, padding = 2;
-  GenicamPicture picture(*find_genicam_format("Mono8"), width, height, padding);
-  ASSERT_EQ(picture.bytes_needed(), 30u);
+  GenicamImage image(*find_genicam_format("Mono8"), width, height, padding);
+  ASSERT_EQ(image.bytes_needed(), 30u);
   Counted buffer;
   buffer.bytes.resize(32);
   for (size_t i = 0; i < buffer.bytes.size(); ++i) buffer.bytes[i] = static_cast<uint8_t>(i);
-  const FramePtr frame = picture.frame({}, buffer.bytes, buffer.owner);
+  const FramePtr frame = image.frame({}, buffer.bytes, buffer.owner);
   EXPECT_EQ(frame->payload().bytes.data(), buffer.bytes.data());
-  EXPECT_EQ(frame->info().format, PixelFormat::kGrey);
-  EXPECT_EQ(frame->grey().data, buffer.bytes.data());
-  EXPECT_EQ(frame->grey().row(1)[0], 8);
+  EXPECT_EQ(frame->info().format, PixelFormat::kGray);
+  EXPECT_EQ(frame->gray().data, buffer.bytes.data());
+  EXPECT_EQ(frame->gray().row(1)[0], 8);
   EXPECT_EQ(buffer.owner.use_count(), 2);
 }
 
-TEST(GenicamPicture, CopiesLetTheBufferGo) {
-  GenicamPicture picture(*find_genicam_format("RGB8"), 4, 4, 0);
+TEST(GenicamImage, CopiesLetTheBufferGo) {
+  GenicamImage image(*find_genicam_format("RGB8"), 4, 4, 0);
   std::vector<uint8_t> bytes(48, 77);
-  const FramePtr frame = picture.copied_frame({}, bytes);
+  const FramePtr frame = image.copied_frame({}, bytes);
   EXPECT_NE(frame->payload().bytes.data(), bytes.data());
   std::fill(bytes.begin(), bytes.end(), uint8_t{0});
   EXPECT_EQ(frame->payload().bytes[47], 77);
 }
 
-TEST(GenicamPicture, PackedMonoBecomesWords) {
+TEST(GenicamImage, PackedMonoBecomesWords) {
   const GenicamFormat& format = *find_genicam_format("Mono12Packed");
   const int width = 8, height = 3;
   std::vector<uint8_t> bytes;
@@ -188,8 +141,8 @@ TEST(GenicamPicture, PackedMonoBecomesWords) {
     bytes.insert(bytes.end(), row.begin(), row.end());
     all.insert(all.end(), samples.begin(), samples.end());
   }
-  GenicamPicture picture(format, width, height, 0);
-  const FramePtr frame = picture.frame({}, bytes, nullptr);
+  GenicamImage image(format, width, height, 0);
+  const FramePtr frame = image.frame({}, bytes, nullptr);
   EXPECT_EQ(frame->info().format, PixelFormat::kY12);
   const auto payload = frame->payload().bytes;
   ASSERT_EQ(payload.size(), all.size() * 2);
@@ -198,8 +151,8 @@ TEST(GenicamPicture, PackedMonoBecomesWords) {
   }
 }
 
-// A flat colour, put through each pattern and packing, comes out as that colour.
-TEST(GenicamPicture, EveryBayerFormatGivesTheColourBack) {
+// A flat color, put through each pattern and packing, comes out as that color.
+TEST(GenicamImage, EveryBayerFormatGivesTheColorBack) {
   const int red = 200, green = 120, blue = 40, width = 16, height = 8;
   // BT.601, limited range.
   const double luma = 16 + (65.481 * red + 128.553 * green + 24.966 * blue) / 255;
@@ -217,9 +170,9 @@ TEST(GenicamPicture, EveryBayerFormatGivesTheColourBack) {
     for (int y = 0; y < height; ++y) {
       std::vector<uint16_t> samples;
       for (int x = 0; x < width; ++x) {
-        char colour = letters[static_cast<size_t>(x % 2)];
-        if (y % 2 == 1) colour = (x % 2 == 0) == green_first ? odd_row : 'G';
-        const int value = colour == 'R' ? red : colour == 'G' ? green : blue;
+        char color = letters[static_cast<size_t>(x % 2)];
+        if (y % 2 == 1) color = (x % 2 == 0) == green_first ? odd_row : 'G';
+        const int value = color == 'R' ? red : color == 'G' ? green : blue;
         samples.push_back(static_cast<uint16_t>(value << (format.bits - 8)));
       }
       if (format.packing != Packing::kNone) {
@@ -232,8 +185,8 @@ TEST(GenicamPicture, EveryBayerFormatGivesTheColourBack) {
         }
       }
     }
-    GenicamPicture picture(format, width, height, 0);
-    const FramePtr frame = picture.frame({}, bytes, nullptr);
+    GenicamImage image(format, width, height, 0);
+    const FramePtr frame = image.frame({}, bytes, nullptr);
     const I420View view = frame->i420();
     EXPECT_NEAR(view.y.row(4)[8], luma, 2);
     EXPECT_NEAR(view.u.row(2)[4], cb, 2);
@@ -254,13 +207,13 @@ TEST(BytesPool, RecyclesAndOutlivesItself) {
 
 // --- memory ---
 
-TEST(GenicamPicture, AllocatesNothingForAFrameOnceWarm) {
+TEST(GenicamImage, AllocatesNothingForAFrameOnceWarm) {
   for (const char* const name : {"Mono8", "Mono12Packed", "Mono10p", "RGB8", "BayerRG8"}) {
-    GenicamPicture picture(*find_genicam_format(name), 32, 16, 0);
-    const std::vector<uint8_t> bytes(picture.bytes_needed(), 100);
+    GenicamImage image(*find_genicam_format(name), 32, 16, 0);
+    const std::vector<uint8_t> bytes(image.bytes_needed(), 100);
     const auto take = [&] {
-      picture.frame(FrameInfo(), bytes, nullptr)->i420();
-      picture.copied_frame(FrameInfo(), bytes)->i420();
+      image.frame(FrameInfo(), bytes, nullptr)->i420();
+      image.copied_frame(FrameInfo(), bytes)->i420();
     };
     for (int i = 0; i < 20; ++i) take();
     const size_t before = test::allocations();
@@ -270,4 +223,4 @@ TEST(GenicamPicture, AllocatesNothingForAFrameOnceWarm) {
 }
 
 }  // namespace
-}  // namespace sightline
+}  // namespace sightline::capture

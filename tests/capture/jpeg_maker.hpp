@@ -8,7 +8,7 @@
 
 namespace sightline::test {
 
-/// A baseline JPEG of a smooth colour picture that depends on `seed`. `sampling` as in TurboJPEG.
+/// A baseline JPEG of a smooth color image that depends on `seed`. `sampling` as in TurboJPEG.
 inline std::vector<uint8_t> make_jpeg(int width, int height, int sampling, int seed = 0) {
   std::vector<uint8_t> rgb;
   for (int y = 0; y < height; ++y) {

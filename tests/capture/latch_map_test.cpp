@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // The mapping by latches against a simulated device clock whose truth is known.
-#include "latch_map.hpp"
+#include "capture/aravis/latch_map.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <random>
 
-namespace sightline {
+namespace sightline::capture {
 namespace {
 
 using namespace std::chrono_literals;
@@ -123,4 +123,4 @@ TEST(LatchMap, WhatMakesNoSenseIsNotTaken) {
 }
 
 }  // namespace
-}  // namespace sightline
+}  // namespace sightline::capture

@@ -8,13 +8,14 @@
 #include <deque>
 #include <vector>
 
+#include "capture/libcamera/libcamera_formats.hpp"
+#include "capture/libcamera/libcamera_open.hpp"
 #include "jpeg_maker.hpp"
-#include "libcamera_camera.hpp"
 #include "sightline/image/convert.hpp"
 #include "support/allocations.hpp"
 #include "support/matchers.hpp"
 
-namespace sightline {
+namespace sightline::capture {
 namespace {
 
 using namespace std::chrono_literals;
@@ -35,9 +36,9 @@ std::vector<uint8_t> noise(size_t size, uint32_t seed = 1) {
 }
 
 /// A camera that follows a script, on a clock of its own: nothing sleeps.
-class ScriptedCamera final : public LibcameraCamera {
+class ScriptedCamera final : public BufferDevice {
  public:
-  struct Shot {
+  struct Buffer {
     std::vector<uint8_t> bytes;
     bool good = true;
     uint32_t advance = 1;
@@ -45,20 +46,14 @@ class ScriptedCamera final : public LibcameraCamera {
     int64_t exposure_ns = 0;
   };
 
-  explicit ScriptedCamera(std::string_view format, size_t image_bytes) {
-    stream_.format = find_libcamera_format(format);
-    stream_.width = kWidth;
-    stream_.height = kHeight;
-    stream_.stride = stream_.format->kind == V4l2Kind::kBayer ? kWidth : 0;
-    stream_.image_bytes = image_bytes;
-    stream_.buffers = 4;
-    stream_.rate_hz = 25;
-    memory_.assign(stream_.buffers, std::vector<uint8_t>(kYuyvBytes));
+  explicit ScriptedCamera(std::string_view format) : memory_(4, std::vector<uint8_t>(kYuyvBytes)) {
+    stream_ = *stream_format(*find_libcamera_format(format), kWidth, kHeight, 0);
+    stream_.layout.rate_hz = 25;
   }
 
-  std::deque<Shot> script;
-  std::vector<size_t> waiting;
-  bool gone = false, refuses = false, closed = false;
+  std::deque<Buffer> script;
+  std::vector<size_t> queued;
+  bool gone = false, refuses = false, stopped = false;
   Duration asleep{0};
   Status start_status{};
 
@@ -67,47 +62,47 @@ class ScriptedCamera final : public LibcameraCamera {
                        [p](const auto& m) { return p >= m.data() && p < m.data() + m.size(); });
   }
 
-  const std::string& id() const override { return id_; }
-  const LibcameraStream& stream() const override { return stream_; }
-  std::span<const uint8_t> memory(size_t slot) const override { return memory_[slot]; }
-  int dmabuf_fd(size_t slot) const override { return 100 + static_cast<int>(slot); }
+  const StreamFormat& stream() const { return stream_; }
+
+  std::string description() const override { return "\\_SB_.PCI0-1:1.0-0bda:58f4"; }
+  size_t buffer_count() const override { return memory_.size(); }
+  std::span<const uint8_t> memory(size_t index) const override { return memory_[index]; }
+  int dmabuf_fd(size_t index) const override { return 100 + static_cast<int>(index); }
   Status start() override {
-    for (size_t slot = 0; slot < stream_.buffers; ++slot) waiting.push_back(slot);
+    for (size_t index = 0; index < memory_.size(); ++index) queued.push_back(index);
     return start_status;
   }
-  Status queue(size_t slot) override {
-    EXPECT_FALSE(closed) << "queued after close()";
+  Status queue(size_t index) override {
+    EXPECT_FALSE(stopped) << "queued after stop()";
     if (refuses) return make_error(ErrorCode::kIo, "left", "cannot go on");
-    waiting.push_back(slot);
+    queued.push_back(index);
     return {};
   }
-  Result<std::optional<LibcameraShot>> wait(Duration limit) override {
+  Result<std::optional<FilledBuffer>> dequeue(Duration limit) override {
     if (gone) return make_error(ErrorCode::kUnavailable, "left", "the camera is gone");
-    if (script.empty() || waiting.empty()) {
+    if (script.empty() || queued.empty()) {
       now_ += limit;
-      return std::optional<LibcameraShot>();
+      return std::optional<FilledBuffer>();
     }
     now_ += kPeriod;
-    const Shot& next = script.front();
-    LibcameraShot shot;
-    shot.slot = waiting.front();
-    waiting.erase(waiting.begin());
-    shot.good = next.good;
-    shot.bytes = next.bytes.size();
-    shot.sequence = sequence_ += next.advance;
-    shot.sensor_ns = next.sensor_ns.value_or(to_ns(now_ - 1ms));
-    shot.exposure_ns = next.exposure_ns;
-    std::memcpy(memory_[shot.slot].data(), next.bytes.data(), next.bytes.size());
+    const Buffer& next = script.front();
+    CompletedRequest request;
+    request.buffer = queued.front();
+    queued.erase(queued.begin());
+    request.good = next.good;
+    request.bytes = next.bytes.size();
+    request.sequence = sequence_ += next.advance;
+    request.sensor_ns = next.sensor_ns.value_or(to_ns(now_ - 1ms));
+    request.exposure_ns = next.exposure_ns;
+    std::memcpy(memory_[request.buffer].data(), next.bytes.data(), next.bytes.size());
     script.pop_front();
-    return std::optional(shot);
+    return std::optional(filled_buffer(request, now_, asleep));
   }
-  void close() override { closed = true; }
+  void stop() override { stopped = true; }
   Time now() const override { return now_; }
-  Duration time_asleep() const override { return asleep; }
 
  private:
-  const std::string id_ = "\\_SB_.PCI0-1:1.0-0bda:58f4";
-  LibcameraStream stream_;
+  StreamFormat stream_;
   std::vector<std::vector<uint8_t>> memory_;
   uint32_t sequence_ = 6;
   Time now_ = time_from_ns(1'000'000'000'000);
@@ -115,10 +110,11 @@ class ScriptedCamera final : public LibcameraCamera {
 
 class LibcameraSourceTest : public testing::Test {
  protected:
-  void open(std::string_view format = "YUYV", size_t image_bytes = kYuyvBytes) {
-    device_ = std::make_shared<ScriptedCamera>(format, image_bytes);
+  void open(std::string_view format = "YUYV") {
+    device_ = std::make_shared<ScriptedCamera>(format);
     options_.counters = counters_;
-    auto source = open_libcamera_source_on(device_, options_, CameraId(3), "left");
+    auto source =
+        open_libcamera_source_on(device_, device_->stream(), options_, CameraId(3), "left");
     ASSERT_THAT(source, IsOk());
     source_ = *std::move(source);
   }
@@ -144,9 +140,9 @@ class LibcameraSourceTest : public testing::Test {
   std::unique_ptr<FrameSource> source_;
 };
 
-TEST(LibcameraFormats, HaveTheirPicturesByOtherNames) {
+TEST(LibcameraFormats, HaveTheirImagesByOtherNames) {
   const auto fourcc = [](std::string_view name) {
-    const V4l2Format* const format = find_libcamera_format(name);
+    const FourccFormat* const format = find_libcamera_format(name);
     return format != nullptr ? format->fourcc : 0;
   };
   EXPECT_EQ(fourcc("YUYV"), V4L2_PIX_FMT_YUYV);
@@ -180,12 +176,12 @@ TEST_F(LibcameraSourceTest, RequestsGoRoundWithTheLastReader) {
   open();
   send(noise(kYuyvBytes));
   FramePtr first = frame();
-  EXPECT_EQ(device_->waiting.size(), 3u);
+  EXPECT_EQ(device_->queued.size(), 3u);
   FramePtr second_reader = first;
   first.reset();
-  EXPECT_EQ(device_->waiting.size(), 3u);
+  EXPECT_EQ(device_->queued.size(), 3u);
   second_reader.reset();
-  EXPECT_EQ(device_->waiting.size(), 4u);
+  EXPECT_EQ(device_->queued.size(), 4u);
 }
 
 TEST_F(LibcameraSourceTest, AReaderThatHoldsTooMuchGetsCopies) {
@@ -203,13 +199,13 @@ TEST_F(LibcameraSourceTest, AReaderThatHoldsTooMuchGetsCopies) {
   }
 }
 
-TEST_F(LibcameraSourceTest, FramesOutliveTheSourceAndTheCameraIsClosedAtOnce) {
+TEST_F(LibcameraSourceTest, FramesOutliveTheSourceAndTheCameraIsStoppedAtOnce) {
   open();
   const auto sent = noise(kYuyvBytes);
   send(sent);
   const FramePtr kept = frame();
   source_.reset();
-  EXPECT_TRUE(device_->closed);
+  EXPECT_TRUE(device_->stopped);
   EXPECT_EQ(std::memcmp(kept->payload().bytes.data(), sent.data(), sent.size()), 0);
 }
 
@@ -273,11 +269,11 @@ TEST_F(LibcameraSourceTest, GapsAndDamagedBuffersAreCounted) {
   EXPECT_EQ(frame()->info().dropped_before, 4u);
   EXPECT_EQ(counters_->damaged.value(), 2u);
   EXPECT_EQ(counters_->lost.value(), 4u);
-  EXPECT_EQ(device_->waiting.size(), 4u);
+  EXPECT_EQ(device_->queued.size(), 4u);
 }
 
 TEST_F(LibcameraSourceTest, DamagedJpegsAreDropped) {
-  open("MJPEG", 0);
+  open("MJPEG");
   auto jpeg = test::make_jpeg(kWidth, kHeight, TJSAMP_420);
   ASSERT_LE(jpeg.size(), kYuyvBytes);
   auto cut = jpeg;
@@ -292,13 +288,13 @@ TEST_F(LibcameraSourceTest, DamagedJpegsAreDropped) {
 }
 
 TEST_F(LibcameraSourceTest, BayerComesDemosaicedAndItsBufferGoesBack) {
-  open("SRGGB8", size_t{kWidth} * kHeight);
+  open("SRGGB8");
   send(std::vector<uint8_t>(size_t{kWidth} * kHeight, 128));
   const FramePtr got = frame();
   ASSERT_NE(got, nullptr);
   EXPECT_EQ(got->info().format, PixelFormat::kI420);
   EXPECT_NEAR(got->i420().u.row(3)[3], 128, 1);
-  EXPECT_EQ(device_->waiting.size(), 4u);
+  EXPECT_EQ(device_->queued.size(), 4u);
 }
 
 TEST_F(LibcameraSourceTest, AnUnpluggedCameraIsAnError) {
@@ -354,4 +350,4 @@ TEST(Libcamera, NamesTheCameraThatIsNotThere) {
 }
 
 }  // namespace
-}  // namespace sightline
+}  // namespace sightline::capture

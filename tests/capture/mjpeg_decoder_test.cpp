@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "mjpeg_decoder.hpp"
+#include "capture/decode/mjpeg_decoder.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,17 +7,17 @@
 #include <cmath>
 
 #include "jpeg_maker.hpp"
-#include "sightline/image/picture.hpp"
+#include "sightline/image/image.hpp"
 #include "support/matchers.hpp"
 
-namespace sightline {
+namespace sightline::capture {
 namespace {
 
 using test::FailsWith;
 using test::IsOk;
 using test::make_jpeg;
 
-// Of the smooth picture that make_jpeg() draws, BT.601 limited range.
+// Of the smooth image that make_jpeg() draws, BT.601 limited range.
 double luma_at(int x, int y, int width, int height) {
   const double r = 40 + 150 * x / width, g = 60 + 120 * y / height, b = 90;
   return 16 + (65.481 * r + 128.553 * g + 24.966 * b) / 255;
@@ -29,13 +29,13 @@ double blue_at(int x, int y, int width, int height) {
 
 class Samplings : public testing::TestWithParam<std::tuple<int, std::pair<int, int>>> {};
 
-TEST_P(Samplings, AllDecodeToTheSamePictureInLimitedRange) {
+TEST_P(Samplings, AllDecodeToTheSameImageInLimitedRange) {
   const auto [sampling, size] = GetParam();
   const auto [width, height] = size;
-  Picture picture(width, height);
+  Image image(width, height);
   MjpegDecoder decoder;
-  ASSERT_THAT(decoder.decode(make_jpeg(width, height, sampling), picture.mutable_view()), IsOk());
-  const auto view = picture.view();
+  ASSERT_THAT(decoder.decode(make_jpeg(width, height, sampling), image.mutable_view()), IsOk());
+  const auto view = image.view();
   double worst_luma = 0, worst_chroma = 0;
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
@@ -56,10 +56,10 @@ INSTANTIATE_TEST_SUITE_P(
 class Damage : public testing::Test {
  protected:
   Status decode(const std::vector<uint8_t>& bytes) {
-    return decoder_.decode(bytes, picture_.mutable_view());
+    return decoder_.decode(bytes, image_.mutable_view());
   }
   const std::vector<uint8_t> good_ = make_jpeg(160, 120, TJSAMP_422);
-  Picture picture_{160, 120};
+  Image image_{160, 120};
   MjpegDecoder decoder_;
 };
 
@@ -81,7 +81,7 @@ TEST_F(Damage, DataMissingInTheMiddleIsFound) {
   auto holed = good_;
   const auto middle = holed.begin() + static_cast<ptrdiff_t>(holed.size() / 2);
   holed.erase(middle, middle + 200);
-  EXPECT_THAT(decode(holed), FailsWith("damaged MJPEG picture"));
+  EXPECT_THAT(decode(holed), FailsWith("damaged MJPEG image"));
 }
 
 TEST_F(Damage, GarbageIsFound) {
@@ -103,4 +103,4 @@ TEST_F(Damage, TheDecoderGoesOnAfterwards) {
 }
 
 }  // namespace
-}  // namespace sightline
+}  // namespace sightline::capture

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Network cameras: our own RTSP server, and an HTTP server that sends what the test says.
-#include "sightline/capture/network_source.hpp"
+#include "sightline/capture/network/network_source.hpp"
 
 #include <arpa/inet.h>
 #include <gmock/gmock.h>
@@ -13,14 +13,14 @@
 #include <cstring>
 #include <deque>
 
-#include "network_url.hpp"
+#include "capture/network/network_url.hpp"
 #include "sightline/base/log.hpp"
 #include "sightline/base/thread.hpp"
 #include "sightline/base/unique_fd.hpp"
 #include "sightline/stream/encoder.hpp"
 #include "sightline/stream/rtsp_server.hpp"
 
-namespace sightline {
+namespace sightline::capture {
 namespace {
 
 using namespace std::chrono_literals;
@@ -28,20 +28,20 @@ using testing::HasSubstr;
 using testing::Not;
 
 constexpr int kWidth = 320, kHeight = 192;
-constexpr int kShades = 24;  // grey levels that tell pictures apart
+constexpr int kShades = 24;  // gray levels that tell images apart
 
-std::shared_ptr<const Picture> grey_picture(int luma) {
-  auto picture = std::make_shared<Picture>(kWidth, kHeight);
-  const MutableI420View view = picture->mutable_view();
+std::shared_ptr<const Image> gray_image(int luma) {
+  auto image = std::make_shared<Image>(kWidth, kHeight);
+  const MutableI420View view = image->mutable_view();
   for (const auto& [plane, value] : {std::pair{view.y, luma}, {view.u, 128}, {view.v, 128}}) {
     for (int y = 0; y < plane.height; ++y) {
       std::memset(plane.row(y), value, static_cast<size_t>(plane.width));
     }
   }
-  return picture;
+  return image;
 }
 
-/// A network camera of our own make; every picture's grey level says when it was taken.
+/// A network camera of our own make; every image's gray level says when it was taken.
 class RtspCamera {
  public:
   explicit RtspCamera(uint16_t port = 0) {
@@ -60,7 +60,7 @@ class RtspCamera {
     EXPECT_TRUE(made) << made.error().message();
     encoder_ = *std::move(made);
     stream_->on_keyframe_wanted([this] { encoder_->request_keyframe(); });
-    for (int i = 0; i < kShades; ++i) pictures_.push_back(grey_picture(20 + 9 * i));
+    for (int i = 0; i < kShades; ++i) images_.push_back(gray_image(20 + 9 * i));
     thread_ = start_thread("camera", [this](std::stop_token stop) { run(stop); });
   }
   ~RtspCamera() {
@@ -73,7 +73,7 @@ class RtspCamera {
 
   uint16_t port() const { return server_->port(); }
   std::string url() const { return stream_->url(); }
-  /// Capture time of the newest picture of that grey level.
+  /// Capture time of the newest image of that gray level.
   Time captured(int luma) const { return captured_[static_cast<size_t>((luma - 20 + 4) / 9)]; }
 
  private:
@@ -81,12 +81,12 @@ class RtspCamera {
     for (uint64_t n = 0; !stop.stop_requested(); ++n) {
       std::this_thread::sleep_for(33ms);
       if (!stream_->wanted()) continue;
-      AnnotatedPicture picture;
-      picture.frame.capture = MonotonicClock::now() - 5ms;
-      picture.frame.sequence = n;
-      picture.picture = pictures_[n % kShades];
-      captured_[n % kShades] = picture.frame.capture;
-      encoder_->push(picture, {});
+      AnnotatedImage image;
+      image.frame.capture = MonotonicClock::now() - 5ms;
+      image.frame.sequence = n;
+      image.image = images_[n % kShades];
+      captured_[n % kShades] = image.frame.capture;
+      encoder_->push(image, {});
     }
   }
 
@@ -94,30 +94,34 @@ class RtspCamera {
   std::jthread server_thread_;
   std::shared_ptr<RtspStream> stream_;
   std::unique_ptr<VideoEncoder> encoder_;
-  std::vector<std::shared_ptr<const Picture>> pictures_;
+  std::vector<std::shared_ptr<const Image>> images_;
   std::array<std::atomic<Time>, kShades> captured_{};
   std::jthread thread_;
 };
 
-/// A port at which nothing listens any more, or which accepts and says nothing.
-class Listener {
+/// A port of this test's own for as long as this lives. Connections to it are refused until
+/// somebody listens: the test itself, or a server, which binds it too (SO_REUSEADDR on both sides).
+class Port {
  public:
-  Listener() : fd_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+  Port() : fd_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    const int on = 1;
+    EXPECT_EQ(setsockopt(fd_.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on), 0);
     sockaddr_in address{};
     address.sin_family = AF_INET;
     address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     socklen_t size = sizeof address;
     EXPECT_EQ(bind(fd_.get(), reinterpret_cast<sockaddr*>(&address), size), 0);
-    EXPECT_EQ(listen(fd_.get(), 8), 0);
-    getsockname(fd_.get(), reinterpret_cast<sockaddr*>(&address), &size);
-    port_ = ntohs(address.sin_port);
+    EXPECT_EQ(getsockname(fd_.get(), reinterpret_cast<sockaddr*>(&address), &size), 0);
+    number_ = ntohs(address.sin_port);
   }
-  uint16_t port() const { return port_; }
+  /// Accepts connections in the kernel; nobody answers until the test does.
+  void listen() const { EXPECT_EQ(::listen(fd_.get(), 8), 0); }
+  uint16_t number() const { return number_; }
   int fd() const { return fd_.get(); }
 
  private:
   UniqueFd fd_;
-  uint16_t port_ = 0;
+  uint16_t number_ = 0;
 };
 
 /// Answers one HTTP request after the other with the same parts, then closes.
@@ -125,21 +129,22 @@ class HttpCamera {
  public:
   HttpCamera(std::string header, std::vector<std::string> parts)
       : header_(std::move(header)), parts_(std::move(parts)) {
+    port_.listen();
     thread_ = start_thread("http", [this](std::stop_token stop) { run(stop); });
   }
   ~HttpCamera() {
     thread_.request_stop();
-    shutdown(listener_.fd(), SHUT_RDWR);
+    shutdown(port_.fd(), SHUT_RDWR);
     thread_.join();
   }
   std::string url(const std::string& rest = "/video?token=secret") const {
-    return fmt::format("http://127.0.0.1:{}{}", listener_.port(), rest);
+    return fmt::format("http://127.0.0.1:{}{}", port_.number(), rest);
   }
 
  private:
   void run(std::stop_token stop) {
     while (!stop.stop_requested()) {
-      const UniqueFd client(accept(listener_.fd(), nullptr, nullptr));
+      const UniqueFd client(accept(port_.fd(), nullptr, nullptr));
       if (client.get() < 0) return;
       char request[4096];
       if (recv(client.get(), request, sizeof request, 0) <= 0) continue;
@@ -154,7 +159,7 @@ class HttpCamera {
     return send(fd, text.data(), text.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(text.size());
   }
 
-  Listener listener_;
+  Port port_;
   const std::string header_;
   const std::vector<std::string> parts_;
   std::jthread thread_;
@@ -164,8 +169,8 @@ constexpr const char* kMultipart =
     "HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=cut\r\n\r\n";
 
 std::string jpeg_of(int luma) {
-  const auto picture = grey_picture(luma);
-  const I420View view = picture->view();
+  const auto image = gray_image(luma);
+  const I420View view = image->view();
   const tjhandle handle = tjInitCompress();
   const unsigned char* planes[] = {view.y.data, view.u.data, view.v.data};
   const int strides[] = {static_cast<int>(view.y.stride), static_cast<int>(view.u.stride),
@@ -221,7 +226,7 @@ Error final_error(FrameSource& source) {
 
 int middle_luma(const Frame& frame) { return frame.i420().y.row(kHeight / 2)[kWidth / 2]; }
 
-TEST(RtspSource, GivesPictures) {
+TEST(RtspSource, GivesImages) {
   const RtspCamera camera;
   const auto source = open(options_for(camera.url()));
   uint64_t last = 0;
@@ -260,8 +265,8 @@ TEST(RtspSource, TakesTheCamerasOwnTimesOnceItTellsThem) {
 }
 
 TEST(RtspSource, AServerThatGoesIsAnErrorAndItComesBack) {
-  auto camera = std::make_unique<RtspCamera>();
-  const uint16_t port = camera->port();
+  const Port port;
+  auto camera = std::make_unique<RtspCamera>(port.number());
   const auto options = options_for(camera->url());
   auto source = open(options);
   ASSERT_TRUE(next_frame(*source));
@@ -272,7 +277,7 @@ TEST(RtspSource, AServerThatGoesIsAnErrorAndItComesBack) {
   source.reset();
   const Error still_gone = final_error(*open(options));
   EXPECT_EQ(still_gone.code, ErrorCode::kUnavailable);
-  const RtspCamera again(port);
+  const RtspCamera again(port.number());
   source = open(options);
   EXPECT_TRUE(next_frame(*source));
 }
@@ -299,13 +304,14 @@ TEST(RtspSource, AnUnknownPathIsNamedAndThePasswordIsNot) {
 }
 
 TEST(RtspSource, AServerThatSaysNothingIsSilent) {
-  const Listener listener;
-  auto options = options_for(fmt::format("rtsp://127.0.0.1:{}/cam", listener.port()));
+  const Port port;
+  port.listen();
+  auto options = options_for(fmt::format("rtsp://127.0.0.1:{}/cam", port.number()));
   options.first_frame_timeout = 500ms;
   EXPECT_EQ(final_error(*open(options)).code, ErrorCode::kTimeout);
 }
 
-TEST(HttpSource, GivesThePicturesWithTheCamerasOwnBytes) {
+TEST(HttpSource, GivesTheImagesWithTheCamerasOwnBytes) {
   std::vector<std::string> jpegs, parts;
   for (int i = 0; i < 20; ++i) {
     jpegs.push_back(jpeg_of(60 + 5 * i));
@@ -328,7 +334,7 @@ TEST(HttpSource, GivesThePicturesWithTheCamerasOwnBytes) {
   EXPECT_THAT(ended.text, Not(HasSubstr("secret")));
 }
 
-TEST(HttpSource, ADamagedPictureIsLeftOut) {
+TEST(HttpSource, ADamagedImageIsLeftOut) {
   const std::string good = jpeg_of(100);
   std::string torn = good;
   for (size_t i = torn.size() / 2; i < torn.size() / 2 + 40; ++i) torn[i] = '\xff';
@@ -353,9 +359,9 @@ TEST(HttpSource, WhatIsNoVideoIsAnError) {
 }
 
 TEST(HttpSource, NobodyThereIsAnError) {
-  uint16_t port = 0;
-  { port = Listener().port(); }
-  const Error error = final_error(*open(options_for(fmt::format("http://127.0.0.1:{}/", port))));
+  const Port port;
+  const Error error =
+      final_error(*open(options_for(fmt::format("http://127.0.0.1:{}/", port.number()))));
   EXPECT_EQ(error.code, ErrorCode::kUnavailable);
 }
 
@@ -380,4 +386,4 @@ TEST(NetworkUrl, RefusesOtherTextsWithoutRepeatingThem) {
 }
 
 }  // namespace
-}  // namespace sightline
+}  // namespace sightline::capture

@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <cstring>
 
-#include "bayer_decoder.hpp"
+#include "capture/decode/bayer_decoder.hpp"
 #include "sightline/base/check.hpp"
-#include "sightline/image/picture.hpp"
+#include "sightline/image/image.hpp"
 
-namespace sightline {
+namespace sightline::capture {
 namespace {
 
 MosaicPattern pattern_of(BayerPattern bayer) {
@@ -76,14 +76,14 @@ bool PatternCheck::equals(const Frame& frame, uint64_t number) {
                                : wire_->bits == 10 ? BayerPacking::k10
                                                    : BayerPacking::k12;
   BayerDecoder decoder(pattern_of(ours_->bayer), samples, width_, height_);
-  Picture picture(width_, height_);
+  Image image(width_, height_);
   const ptrdiff_t stride = ptrdiff_t{width_} * (wire_->bits > 8 ? 2 : 1);
-  const Status decoded = decoder.decode(words(number), stride, picture.mutable_view());
+  const Status decoded = decoder.decode(words(number), stride, image.mutable_view());
   SL_CHECK(decoded.has_value(), "the words are complete");
-  const I420View expected = picture.view(), got = frame.i420();
+  const I420View expected = image.view(), got = frame.i420();
   return same_plane(expected.y, got.y, width_, height_) &&
          same_plane(expected.u, got.u, width_ / 2, height_ / 2) &&
          same_plane(expected.v, got.v, width_ / 2, height_ / 2);
 }
 
-}  // namespace sightline
+}  // namespace sightline::capture

@@ -4,20 +4,20 @@
 #include <string>
 #include <vector>
 
-#include "genicam_formats.hpp"
+#include "capture/aravis/genicam_formats.hpp"
 #include "pattern.hpp"
 #include "sightline/model/frame.hpp"
 
-namespace sightline {
+namespace sightline::capture {
 
-/// Tells which picture of gige_simulator's pattern a frame is: whole bytes as they travelled,
+/// Tells which image of gige_simulator's pattern a frame is: whole bytes as they traveled,
 /// packed samples as the words that they are, mosaics as the decoder makes them from the true
 /// words.
 class PatternCheck {
  public:
   PatternCheck(const std::string& format, int width, int height);
 
-  /// Number of the picture, modulo gige::kPatternPeriod; -2: none of them, byte for byte.
+  /// Number of the image, modulo gige::kPatternPeriod; -2: none of them, byte for byte.
   int64_t find(const Frame& frame);
 
  private:
@@ -31,4 +31,4 @@ class PatternCheck {
   std::vector<uint8_t> expected_;
 };
 
-}  // namespace sightline
+}  // namespace sightline::capture

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "rtp_times.hpp"
+#include "capture/network/rtp_times.hpp"
 
 #include <gtest/gtest.h>
 
 #include <vector>
 
-namespace sightline {
+namespace sightline::capture {
 namespace {
 
 constexpr uint32_t kSeconds2023 = 1'700'000'000u + 2'208'988'800u;
@@ -62,7 +62,7 @@ TEST(RtpTimes, TheNtpEraOf2036IsALaterOne) {
   EXPECT_EQ(times.utc_ns(1), ((int64_t{1} << 32) + 10 - 2'208'988'800) * 1'000'000'000);
 }
 
-TEST(RtpTimes, ForgetsPicturesOfLongAgo) {
+TEST(RtpTimes, ForgetsImagesOfLongAgo) {
   RtpTimes times;
   times.sender_report(report(kSeconds2023, 0, 0));
   for (uint32_t i = 0; i < 200; ++i) times.packet(packet(i * 3000), i);
@@ -89,4 +89,4 @@ TEST(RtpTimes, IgnoresWhatIsNoReportAndNoPacket) {
 }
 
 }  // namespace
-}  // namespace sightline
+}  // namespace sightline::capture

@@ -51,15 +51,15 @@ bool planar(uint32_t fourcc) {
 ScriptedV4l2::ScriptedV4l2() = default;
 ScriptedV4l2::~ScriptedV4l2() = default;
 
-void ScriptedV4l2::send(Shot shot) {
+void ScriptedV4l2::send(Buffer scripted) {
   std::lock_guard lock(mutex_);
-  script_.push_back(std::move(shot));
+  script_.push_back(std::move(scripted));
 }
 
 void ScriptedV4l2::send(std::vector<uint8_t> bytes) {
-  Shot shot;
-  shot.bytes = std::move(bytes);
-  send(std::move(shot));
+  Buffer scripted;
+  scripted.bytes = std::move(bytes);
+  send(std::move(scripted));
 }
 
 void ScriptedV4l2::break_down(int number) {
@@ -69,7 +69,7 @@ void ScriptedV4l2::break_down(int number) {
 
 size_t ScriptedV4l2::queued() const {
   std::lock_guard lock(mutex_);
-  return waiting_.size();
+  return queued_.size();
 }
 
 bool ScriptedV4l2::owns(const uint8_t* p) const {
@@ -98,7 +98,7 @@ int ScriptedV4l2::poll(int, Duration limit) {
   std::lock_guard lock(mutex_);
   if (script_.empty() && broken_ != 0) return POLLERR | POLLHUP;
   if (!streaming_) return POLLERR;
-  if (!script_.empty() && !waiting_.empty()) {
+  if (!script_.empty() && !queued_.empty()) {
     now_ += period_;
     return POLLIN;
   }
@@ -112,12 +112,13 @@ Time ScriptedV4l2::now() {
 }
 
 int ScriptedV4l2::ioctl(int, unsigned long request, void* argument) {
+  if (on_call) on_call(request);
   std::lock_guard lock(mutex_);
   const auto failure = failures.find(request);
-  return failure != failures.end() ? -failure->second : answer(request, argument);
+  return failure != failures.end() ? -failure->second : answer_format(request, argument);
 }
 
-int ScriptedV4l2::answer(unsigned long request, void* argument) {
+int ScriptedV4l2::answer_format(unsigned long request, void* argument) {
   switch (request) {
     case VIDIOC_QUERYCAP: {
       auto& answer = as<v4l2_capability>(argument);
@@ -149,6 +150,13 @@ int ScriptedV4l2::answer(unsigned long request, void* argument) {
       as<v4l2_streamparm>(argument).parm.capture.timeperframe = {1, rate_hz_};
       period_ = std::chrono::nanoseconds(1'000'000'000 / rate_hz_);
       return 0;
+    default:
+      return answer_streaming(request, argument);
+  }
+}
+
+int ScriptedV4l2::answer_streaming(unsigned long request, void* argument) {
+  switch (request) {
     case VIDIOC_REQBUFS:
       return request_buffers(as<v4l2_requestbuffers>(argument));
     case VIDIOC_QUERYBUF: {
@@ -167,12 +175,19 @@ int ScriptedV4l2::answer(unsigned long request, void* argument) {
       return 0;
     case VIDIOC_STREAMOFF:
       streaming_ = false;
-      waiting_.clear();
+      queued_.clear();
       return 0;
     case VIDIOC_QBUF:
       return queue(as<v4l2_buffer>(argument));
     case VIDIOC_DQBUF:
       return dequeue(as<v4l2_buffer>(argument));
+    default:
+      return answer_control(request, argument);
+  }
+}
+
+int ScriptedV4l2::answer_control(unsigned long request, void* argument) {
+  switch (request) {
     case VIDIOC_QUERY_EXT_CTRL:
       return query_control(as<v4l2_query_ext_ctrl>(argument));
     case VIDIOC_QUERYMENU:
@@ -234,7 +249,7 @@ int ScriptedV4l2::set_format(v4l2_format& format) {
 }
 
 int ScriptedV4l2::request_buffers(v4l2_requestbuffers& request) {
-  request.count = std::min(request.count, most_buffers);
+  request.count = std::min(request.count, max_buffers);
   if (request.count > 0) {
     memory_.assign(request.count, std::vector<uint8_t>(pix_.sizeimage));
   }
@@ -246,26 +261,27 @@ int ScriptedV4l2::queue(const v4l2_buffer& buffer) {
     --queue_refusals_;
     return -EINVAL;
   }
-  waiting_.push_back(buffer.index);
+  queued_.push_back(buffer.index);
   return 0;
 }
 
 int ScriptedV4l2::dequeue(v4l2_buffer& buffer) {
   if (script_.empty() && broken_ != 0) return -broken_;
-  if (script_.empty() || waiting_.empty()) return -EAGAIN;
-  const Shot shot = std::move(script_.front());
+  if (script_.empty() || queued_.empty()) return -EAGAIN;
+  const Buffer scripted = std::move(script_.front());
   script_.pop_front();
-  buffer.index = waiting_.front();
-  waiting_.erase(waiting_.begin());
-  std::copy(shot.bytes.begin(), shot.bytes.end(), memory_[buffer.index].begin());
-  sequence_ += shot.advance;
-  const int64_t stamp = shot.stamp_ns == INT64_MIN ? to_ns(now_) - 1'000'000 : shot.stamp_ns;
-  buffer.bytesused = static_cast<uint32_t>(shot.bytes.size());
-  buffer.flags = shot.flags;
+  buffer.index = queued_.front();
+  queued_.erase(queued_.begin());
+  std::copy(scripted.bytes.begin(), scripted.bytes.end(), memory_[buffer.index].begin());
+  sequence_ += scripted.advance;
+  const int64_t stamp =
+      scripted.stamp_ns == INT64_MIN ? to_ns(now_) - 1'000'000 : scripted.stamp_ns;
+  buffer.bytesused = static_cast<uint32_t>(scripted.bytes.size());
+  buffer.flags = scripted.flags;
   buffer.sequence = sequence_;
   buffer.timestamp.tv_sec = stamp / 1'000'000'000;
   buffer.timestamp.tv_usec = stamp % 1'000'000'000 / 1000;
-  if (shot.change) shot.change(buffer);
+  if (scripted.change) scripted.change(buffer);
   return 0;
 }
 
@@ -278,8 +294,8 @@ int ScriptedV4l2::query_control(v4l2_query_ext_ctrl& query) const {
   if (!found) return -EINVAL;
   query.id = found->id;
   query.type = found->type;
-  query.minimum = found->least;
-  query.maximum = found->most;
+  query.minimum = found->min;
+  query.maximum = found->max;
   put_text(found->name, query.name, sizeof query.name);
   return 0;
 }

@@ -12,13 +12,13 @@
 #include <string>
 #include <vector>
 
-#include "v4l2_system.hpp"
+#include "capture/v4l2/v4l2_system.hpp"
 
 namespace sightline::test {
 
 /// A camera that follows a script, on a clock of its own: nothing sleeps. Waiting in vain lets the
 /// time pass; every frame takes a period. Set it up before it is opened.
-class ScriptedV4l2 final : public V4l2System {
+class ScriptedV4l2 final : public capture::V4l2System {
  public:
   struct Mode {
     uint32_t fourcc;
@@ -29,11 +29,11 @@ class ScriptedV4l2 final : public V4l2System {
     uint32_t id;
     std::string name;
     uint32_t type;
-    int32_t least, most, value;
+    int32_t min, max, value;
     std::vector<std::string> menu = {};
     int32_t driver_limit = INT32_MAX;  ///< larger values become this one
   };
-  struct Shot {
+  struct Buffer {
     std::vector<uint8_t> bytes;
     uint32_t flags = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC | V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
     uint32_t advance = 1;          ///< of the sequence number
@@ -49,14 +49,15 @@ class ScriptedV4l2 final : public V4l2System {
   std::vector<Mode> modes;
   std::vector<Control> controls;
   uint32_t bytes_per_line = 0;  ///< reported by S_FMT
-  uint32_t most_buffers = 32;
+  uint32_t max_buffers = 32;
   bool exports = true;
   bool adjusts_size = false;                   ///< S_FMT gives half of what is asked
   std::map<unsigned long, int> failures = {};  ///< request -> errno, every time
   int open_errno = 0;
+  std::function<void(unsigned long)> on_call = nullptr;  ///< each request, before its answer
 
   /// Scripts the next thing that happens.
-  void send(Shot shot);
+  void send(Buffer scripted);
   void send(std::vector<uint8_t> bytes);
   /// From here on poll reports trouble, and taking a buffer fails so.
   void break_down(int number);
@@ -81,7 +82,9 @@ class ScriptedV4l2 final : public V4l2System {
   Time now() override;
 
  private:
-  int answer(unsigned long request, void* argument);
+  int answer_format(unsigned long request, void* argument);
+  int answer_streaming(unsigned long request, void* argument);
+  int answer_control(unsigned long request, void* argument);
   int enumerate_formats(v4l2_fmtdesc& entry) const;
   int enumerate_sizes(v4l2_frmsizeenum& entry) const;
   int enumerate_rates(v4l2_frmivalenum& entry) const;
@@ -100,8 +103,8 @@ class ScriptedV4l2 final : public V4l2System {
   v4l2_pix_format pix_{};
   uint32_t rate_hz_ = 25;
   std::vector<std::vector<uint8_t>> memory_;
-  std::vector<uint32_t> waiting_;
-  std::deque<Shot> script_;
+  std::vector<uint32_t> queued_;
+  std::deque<Buffer> script_;
   uint32_t sequence_ = UINT32_MAX;
   size_t mapped_ = 0;
   int open_files_ = 0, next_fd_ = 1000, broken_ = 0, queue_refusals_ = 0;

@@ -9,14 +9,14 @@
 #include <cmath>
 #include <thread>
 
+#include "capture/common/gst_ref.hpp"
+#include "capture/decode/h264_decoder.hpp"
+#include "capture/v4l2/v4l2_open.hpp"
 #include "device_tree.hpp"
-#include "gst_ref.hpp"
-#include "h264_decoder.hpp"
 #include "scripted_v4l2.hpp"
 #include "support/matchers.hpp"
-#include "v4l2_open.hpp"
 
-namespace sightline {
+namespace sightline::capture {
 namespace {
 
 using namespace std::chrono_literals;
@@ -27,9 +27,9 @@ using test::ScriptedV4l2;
 constexpr int kWidth = 64, kHeight = 48, kKeyInterval = 10;
 using Units = std::vector<std::vector<uint8_t>>;
 
-uint8_t luma_of(size_t picture) { return static_cast<uint8_t>(40 + 5 * picture); }
+uint8_t luma_of(size_t image) { return static_cast<uint8_t>(40 + 5 * image); }
 
-/// Flat pictures of growing brightness; empty without an encoder.
+/// Flat images of growing brightness; empty without an encoder.
 Units encoded(size_t count, int width = kWidth) {
   gst_init(nullptr, nullptr);
   const std::string line =
@@ -88,10 +88,10 @@ class V4l2H264Test : public testing::Test {
     }
     return nullptr;
   }
-  void expect_picture(const FramePtr& got, size_t number) {
-    ASSERT_NE(got, nullptr) << "picture " << number;
+  void expect_image(const FramePtr& got, size_t number) {
+    ASSERT_NE(got, nullptr) << "image " << number;
     const double middle = got->i420().y.row(kHeight / 2)[kWidth / 2];
-    EXPECT_NEAR(middle, luma_of(number), 2) << "picture " << number;
+    EXPECT_NEAR(middle, luma_of(number), 2) << "image " << number;
   }
 
   Units units_;
@@ -102,12 +102,12 @@ class V4l2H264Test : public testing::Test {
   std::unique_ptr<FrameSource> source_;
 };
 
-TEST_F(V4l2H264Test, EveryUnitGivesItsPictureWithItsOwnTime) {
+TEST_F(V4l2H264Test, EveryUnitGivesItsImageWithItsOwnTime) {
   Time last{};
   for (size_t i = 0; i < units_.size(); ++i) {
     device_->send(units_[i]);
     const FramePtr got = frame();
-    expect_picture(got, i);
+    expect_image(got, i);
     if (got == nullptr) return;
     EXPECT_EQ(got->info().sequence, i);
     EXPECT_EQ(got->info().format, PixelFormat::kI420);
@@ -121,11 +121,11 @@ TEST_F(V4l2H264Test, EveryUnitGivesItsPictureWithItsOwnTime) {
 
 TEST_F(V4l2H264Test, BeginsAtAKeyFrame) {
   for (size_t i = 5; i <= kKeyInterval; ++i) device_->send(units_[i]);
-  expect_picture(frame(), kKeyInterval);
+  expect_image(frame(), kKeyInterval);
   EXPECT_EQ(counters_->damaged.value(), 0u);
 }
 
-TEST_F(V4l2H264Test, GarbageIsNeverShownAsAPictureAndTheNextKeyFrameHeals) {
+TEST_F(V4l2H264Test, GarbageIsNeverShownAsAnImageAndTheNextKeyFrameHeals) {
   auto garbage = units_[5];
   for (size_t i = 5; i < garbage.size(); ++i) garbage[i] = static_cast<uint8_t>(i * 37);
   for (size_t i = 0; i < units_.size(); ++i) device_->send(i == 5 ? garbage : units_[i]);
@@ -133,38 +133,29 @@ TEST_F(V4l2H264Test, GarbageIsNeverShownAsAPictureAndTheNextKeyFrameHeals) {
   uint64_t dropped = 0;
   while (last + 1 < units_.size()) {
     const FramePtr got = frame();
-    ASSERT_NE(got, nullptr) << "after picture " << last;
+    ASSERT_NE(got, nullptr) << "after image " << last;
     last = got->info().sequence;
     dropped += got->info().dropped_before;
-    if (last < 5 || last >= kKeyInterval) expect_picture(got, last);
+    if (last < 5 || last >= kKeyInterval) expect_image(got, last);
   }
   EXPECT_EQ(counters_->good.value() + counters_->damaged.value(), units_.size());
   EXPECT_EQ(counters_->damaged.value(), dropped);
 }
 
-TEST_F(V4l2H264Test, PicturesOfAnotherSizeEndTheSource) {
+TEST_F(V4l2H264Test, ImagesOfAnotherSizeEndTheSource) {
   const Units other = encoded(1, 2 * kWidth);
   ASSERT_EQ(other.size(), 1u);
   device_->send(other[0]);
   for (int i = 0; i < 200; ++i) {
     const auto step = source_->next({}, 1ms);
     if (!step) {
-      EXPECT_THAT(step, FailsWith("128x48 pictures, 64x48 were agreed on"));
+      EXPECT_THAT(step, FailsWith("128x48 images, 64x48 were agreed on"));
       return;
     }
     std::this_thread::sleep_for(50ms);
   }
-  FAIL() << "a picture of another size went unnoticed";
-}
-
-TEST(BeginsH264, KnowsWhatADecoderCanBeginWith) {
-  const auto begins = [](std::vector<uint8_t> bytes) { return begins_h264(bytes); };
-  EXPECT_TRUE(begins({0, 0, 0, 1, 0x67, 1, 2, 3}));
-  EXPECT_TRUE(begins({0, 0, 1, 0x09, 0x10, 0, 0, 1, 0x65, 1}));
-  EXPECT_FALSE(begins({0, 0, 1, 0x41, 0, 0, 1, 0x65}));
-  EXPECT_FALSE(begins({0, 0, 1}));
-  EXPECT_FALSE(begins({}));
+  FAIL() << "an image of another size went unnoticed";
 }
 
 }  // namespace
-}  // namespace sightline
+}  // namespace sightline::capture

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "v4l2_nodes.hpp"
+#include "capture/v4l2/v4l2_nodes.hpp"
 
 #include <gtest/gtest.h>
 #include <linux/videodev2.h>
@@ -10,7 +10,7 @@
 #include "scripted_v4l2.hpp"
 #include "support/matchers.hpp"
 
-namespace sightline {
+namespace sightline::capture {
 namespace {
 
 using test::DeviceTree;
@@ -106,4 +106,4 @@ TEST(NoNodes, AnEmptyMachineHasAnEmptyList) {
 }
 
 }  // namespace
-}  // namespace sightline
+}  // namespace sightline::capture

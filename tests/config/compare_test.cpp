@@ -61,6 +61,41 @@ TEST(Compare, ARestyledCameraNeedNotRestart) {
   EXPECT_EQ(all.cameras_restyled, (std::vector<std::string>{"left", "right"}));
 }
 
+TEST(Compare, FindsAChangedSceneDepth) {
+  const Installation none = parsed(two_cameras());
+  const Installation before = parsed(two_cameras("scene_depth = \"right.png\"\n"));
+  const auto expect_found = [](const Installation& old, const Installation& now) {
+    const InstallationChanges changes = compare(old, now);
+    EXPECT_TRUE(changes.scene_depth);
+    EXPECT_EQ(changes.cameras_changed, std::vector<std::string>{"right"});
+    EXPECT_EQ(changes.summary(), "changed camera right; scene depth");
+  };
+  expect_found(none, before);
+  expect_found(before, none);
+  expect_found(before, parsed(two_cameras("scene_depth = \"other.png\"\n")));
+  expect_found(before,
+               parsed(two_cameras("scene_depth = \"right.png\"\nscene_depth_scale = 0.002\n")));
+  Installation painted = before;
+  painted.cameras[1].scene_depth_content += 1;
+  expect_found(before, painted);
+  EXPECT_TRUE(compare(before, before).none());
+}
+
+TEST(Compare, TheLineOfATableIsNoChange) {
+  EXPECT_TRUE(compare(parsed(two_cameras()), parsed("# a comment\n" + two_cameras())).none());
+}
+
+TEST(Compare, FindsVirtualCameras) {
+  const std::string view = "[[virtual_camera]]\nname = \"room\"\n";
+  const Installation before = parsed(base_with(view));
+  for (const char* more : {"width = 640\n", "rate = 5\n", "eye = [1, 2, 3]\n", "fov_deg = 60\n",
+                           "grid_m = 1\n", "[virtual_camera.overlay]\nstyles = [\"axes\"]\n"}) {
+    const InstallationChanges changes = compare(before, parsed(base_with(view + more)));
+    EXPECT_EQ(changes.summary(), "virtual cameras") << more;
+  }
+  EXPECT_TRUE(compare(before, parsed(base_with(view))).none());
+}
+
 TEST(Compare, FindsObjectsByContent) {
   const Installation before = parsed(kBase);
   Installation after = before;
@@ -85,13 +120,16 @@ TEST(Compare, EachSectionAlone) {
             "surfaces of meshes; overlay backend, font and depth");
   EXPECT_EQ(changes("[overlay]\nfill = \"textured\"\n").summary(),
             "overlay of left; surfaces of meshes");
-  EXPECT_EQ(changes("[[view]]\nname = \"room\"\n").summary(), "views");
-  EXPECT_EQ(changes("[observe]\nmin_side_px = 9\n").summary(), "observe");
+  EXPECT_EQ(changes("[[virtual_camera]]\nname = \"room\"\n").summary(), "virtual cameras");
+  EXPECT_EQ(compare(before, parsed("name = \"cell 2\"\n" + base_with(""))).summary(), "name");
+  EXPECT_EQ(changes("[fiducial]\nmin_side_px = 9\n").summary(), "observe");
   EXPECT_EQ(changes("[estimator]\nnoise_linear = 9\n").summary(), "estimator");
   EXPECT_EQ(changes("[rtsp]\nport = 9\n").summary(), "rtsp");
   EXPECT_EQ(changes("[encoder]\nprefer = [\"x264enc\"]\n").summary(), "encoder");
   EXPECT_EQ(changes("[http]\nenabled = false\n").summary(), "http");
   EXPECT_EQ(changes("[record]\nstorage = \"ffv1\"\n").summary(), "record");
+  EXPECT_EQ(changes("[detect]\naccept = 0.5\n").summary(), "observe");
+  EXPECT_EQ(changes("[points]\nrate = 2\n").summary(), "observe");
   EXPECT_EQ(changes("[daemon]\nlog_level = \"debug\"\n").summary(), "daemon");
 }
 

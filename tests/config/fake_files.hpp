@@ -46,6 +46,10 @@ inline InstallationFiles fake_files() {
                                             {"odd", 641, 480},
                                             {"large", 1280, 720}};
   };
+  files.depth_image_size = [](const auto& path) -> Result<ImageSize> {
+    if (path.string().find("garbage") == std::string::npos) return ImageSize{640, 480};
+    return make_error(ErrorCode::kInvalidInput, path.string(), "is no depth image");
+  };
   files.is_file = files.is_directory = is_there;
   files.content = [](const std::filesystem::path& path) { return path.string().size(); };
   return files;

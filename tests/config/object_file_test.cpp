@@ -106,7 +106,7 @@ TEST(ObjectFile, EveryMistakeHasItsPlace) {
       {"unit", replaced(tag, "\"mm\"", "\"inch\""), "3:8", "found \"inch\""},
       {"family", replaced(tag, "tag36h11", "tag36h12"), "5:10", "did you mean \"tag36h11\"?"},
       {"id", replaced(tag, "id = 7", "id = -7"), "6:6", "found -7"},
-      {"size zero", replaced(tag, "0.07", "0"), "7:8", "a length in metres between"},
+      {"size zero", replaced(tag, "0.07", "0"), "7:8", "a length in meters between"},
       {"size in mm", replaced(tag, "0.07", "70"), "7:8", "found 70"},
       {"no size", replaced(tag, "size = 0.07", ""), "4:1", "needs \"size\""},
       {"three rows", replaced(tag, ", [0, 0, 0, 1]]", "]"), "8:24", "4 rows of 4"},
@@ -121,7 +121,7 @@ TEST(ObjectFile, EveryMistakeHasItsPlace) {
       {"symmetry", tag + "symetry = \"axis\"\n", "9:1", "unknown key \"symetry\""},
       {"symmetry kind", "symmetry = \"all\"\n" + tag, "1:12", "\"none\", \"axis\""},
       {"missing features", "features = \"missing.feat\"\n" + tag, "1:12",
-       "there is no file objects/missing.feat (sightline teach makes it)"},
+       "there is no file objects/missing.feat (sightline train makes it)"},
       {"axis", "symmetry_axis = [0, 0, 0]\n" + tag, "1:17", "a direction"},
       {"order", "symmetry = \"discrete\"\n" + tag, "1:1", "needs \"symmetry_order\""},
   };

@@ -6,6 +6,7 @@
 
 #include "sightline/base/files.hpp"
 #include "sightline/config/installation.hpp"
+#include "sightline/config/object_file.hpp"
 
 namespace sightline {
 namespace {
@@ -93,6 +94,32 @@ TEST_F(OnDisk, ErrorsOfNamedFilesAreInside) {
   EXPECT_EQ(installation.error().where, file.string() + ":6:8");
   EXPECT_NE(installation.error().text.find("carton.toml:6:10"), std::string::npos)
       << installation.error().message();
+}
+
+TEST_F(OnDisk, AFileOfBytesIsNoSceneDepth) {
+  copy_bench_texts();
+  ASSERT_TRUE(write_file_atomically(folder_ / "depth.png", "RIFF"));
+  const char* text =
+      "calibration = \"calibration.toml\"\n[[camera]]\nname = \"left\"\n"
+      "source = \"rtsp://host/left\"\nscene_depth = \"depth.png\"\n";
+  ASSERT_TRUE(write_file_atomically(folder_ / "cell.toml", text));
+  const auto installation = read_installation(folder_ / "cell.toml");
+  ASSERT_FALSE(installation);
+  EXPECT_EQ(installation.error().where, (folder_ / "cell.toml").string() + ":5:15");
+  EXPECT_NE(installation.error().text.find("cannot use this depth image"), std::string::npos)
+      << installation.error().text;
+}
+
+TEST_F(OnDisk, ADeepHeaderIsRefused) {
+  std::string text = "[a";
+  for (int i = 0; i < 35000; ++i) text += ".a";
+  ASSERT_TRUE(write_file_atomically(folder_ / "deep.toml", text + "]\n"));
+  const auto installation = read_installation(folder_ / "deep.toml");
+  ASSERT_FALSE(installation);
+  EXPECT_NE(installation.error().text.find("nested more than 32 levels"), std::string::npos);
+  const auto object = read_object_file(folder_ / "deep.toml");
+  ASSERT_FALSE(object);
+  EXPECT_NE(object.error().text.find("nested more than 32 levels"), std::string::npos);
 }
 
 TEST_F(OnDisk, ARecordingWithoutCalibrationOfACamera) {

@@ -4,8 +4,8 @@
 video is read as docs/sei.md says, and the truth comes from the recording. Prints what was checked; exits 0 or 1."""
 import argparse
 import os
+import re
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -25,34 +25,31 @@ BOX_WITHIN_PX = 6       # the drawn part against the true one, each side of the 
 WAIT_S = 90             # bound of every wait
 
 
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
-def write_config(root, folder, rtsp, http):
+def write_config(root, folder):
+    """The demo's installation with ports that the daemon chooses; it names them in its log."""
     with open(os.path.join(root, "config", "demo.toml"), encoding="utf-8") as file:
         text = file.read()
     text = text.replace("../recordings", os.path.join(root, "recordings"))
-    text = text.replace("port = 8554", f"port = {rtsp}").replace("port = 9754", f"port = {http}")
+    for port in ("port = 8554", "port = 9754"):
+        assert port in text, f"config/demo.toml has no '{port}'"
+        text = text.replace(port, "port = 0")
     path = os.path.join(folder, "demo.toml")
     with open(path, "w", encoding="utf-8") as file:
         file.write(text)
     return path
 
 
-def wait_for_port(daemon, port):
+def wait_for_rtsp_port(daemon, log):
     end = time.monotonic() + WAIT_S
     while time.monotonic() < end:
         if daemon.poll() is not None:
             raise RuntimeError(f"the daemon ended with status {daemon.returncode}")
-        try:
-            socket.create_connection(("127.0.0.1", port), timeout=1).close()
-            return
-        except OSError:
-            time.sleep(0.1)
-    raise RuntimeError(f"nothing listens on port {port}")
+        with open(log, encoding="utf-8") as file:
+            found = re.search(r"info\s+rtsp://127\.0\.0\.1:(\d+)/\S+$", file.read(), re.MULTILINE)
+        if found:
+            return int(found.group(1))
+        time.sleep(0.1)
+    raise RuntimeError("the daemon names no address")
 
 
 def pull_streams(folder, port):
@@ -70,7 +67,7 @@ def pull_streams(folder, port):
 
 
 def decode(path):
-    """All pictures of a video as (Y, U, V) bytes."""
+    """All images of a video as (Y, U, V) bytes."""
     raw = subprocess.run(["ffmpeg", "-nostdin", "-loglevel", "error", "-i", path, "-f", "rawvideo", "-pix_fmt",
                           "yuv420p", "-fps_mode", "passthrough", "-"], check=True, capture_output=True,
                          timeout=WAIT_S).stdout
@@ -81,7 +78,7 @@ def decode(path):
 
 
 def hidden_part_box(drawn, original, true_box):
-    """Box (xmin, ymin, xmax, ymax) of what is drawn in the hidden part's hue (more blue and more red than the picture
+    """Box (xmin, ymin, xmax, ymax) of what is drawn in the hidden part's hue (more blue and more red than the image
     under it) in and around the true box; the label above stays out. None if next to nothing is drawn there."""
     half = WIDTH // 2
     columns = range(max(0, int(true_box[0] - AROUND_PX) // 2), min(half, int(true_box[2] + AROUND_PX) // 2))
@@ -135,12 +132,12 @@ def check_hidden(messages, drawn, originals, truth):
     """In `side`, while the object is hidden: what is drawn covers the true silhouette's box and nothing else."""
     tested = 0
     worst = 0.0
-    for message, picture in zip(messages, drawn):
+    for message, image in zip(messages, drawn):
         index = message["sequence"] % len(originals)
         if truth.visible[index] >= HIDDEN_BELOW or message["objects"][0]["state"] not in ("tracking", "degraded"):
             continue
         true = truth.box_in_side(index)
-        seen = hidden_part_box(picture, originals[index], true)
+        seen = hidden_part_box(image, originals[index], true)
         assert seen is not None, f"side, frame {index}: nothing is drawn while the object is hidden"
         off = max(abs(a - b) for a, b in zip(seen, true))
         assert off <= BOX_WITHIN_PX, f"side, frame {index}: drawn at {seen}, truly at {true}"
@@ -151,25 +148,25 @@ def check_hidden(messages, drawn, originals, truth):
 
 
 def run(options, root, folder):
-    rtsp, http = free_port(), free_port()
-    config = write_config(root, folder, rtsp, http)
+    config = write_config(root, folder)
+    log_path = os.path.join(folder, "daemon.log")
     truth = Truth(options.recording)
-    daemon = subprocess.Popen([options.daemon, "--config", config])
+    with open(log_path, "w", encoding="utf-8") as log:
+        daemon = subprocess.Popen([options.daemon, "--config", config], stderr=log)
     try:
-        wait_for_port(daemon, rtsp)
-        paths = pull_streams(folder, rtsp)
+        paths = pull_streams(folder, wait_for_rtsp_port(daemon, log_path))
     finally:
         daemon.send_signal(signal.SIGTERM)
         status = daemon.wait(timeout=WAIT_S)
     assert status == 0, f"the daemon ended with status {status}"
     for camera, path in paths.items():
         with open(path, "rb") as file:
-            messages = h264_sei.pictures(file.read())
+            messages = h264_sei.images(file.read())
         drawn = decode(path)
-        assert len(drawn) >= FRAMES, f"{camera}: {len(drawn)} pictures decoded"
+        assert len(drawn) >= FRAMES, f"{camera}: {len(drawn)} images decoded"
         error = check_messages(camera, messages, truth)
         assert error < 10, f"{camera}: median position error {error:.1f} mm"
-        print(f"{camera}: {len(drawn)} pictures decoded, a message in each, median position error {error:.2f} mm")
+        print(f"{camera}: {len(drawn)} images decoded, a message in each, median position error {error:.2f} mm")
         if camera == "side":
             originals = decode(os.path.join(options.recording, "side.mkv"))
             tested, worst = check_hidden(messages, drawn, originals, truth)

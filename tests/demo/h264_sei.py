@@ -64,7 +64,7 @@ def parse_message(payload):
     return message
 
 
-def pictures(data):
+def images(data):
     """One entry per coded picture, in stream order: its message, or None."""
     out, pending = [], None
     for nal in nal_units(data):
@@ -73,7 +73,7 @@ def pictures(data):
             for payload_type, payload in sei_payloads(nal):
                 if payload_type == 5 and payload[:16] == UUID:
                     pending = parse_message(payload)
-        elif kind in (1, 5) and nal[1] & 0x80:  # first_mb_in_slice is 0: a new picture
+        elif kind in (1, 5) and nal[1] & 0x80:  # first_mb_in_slice is 0: a new image
             out.append(pending)
             pending = None
     return out

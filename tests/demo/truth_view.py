@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the object of a recording truly is in a camera's picture, from truth.csv and calibration.toml.
+"""Where the object of a recording truly is in a camera's image, from truth.csv and calibration.toml.
 Standard library only, and no code shared with the product: this is the independent judge."""
 import csv
 import re

@@ -10,8 +10,8 @@
 #include "sightline/calibrate/calibration_file.hpp"
 #include "sightline/config/object_file.hpp"
 #include "sightline/fuse/estimator.hpp"
-#include "sightline/observe/corner_term.hpp"
-#include "sightline/observe/fiducial_observer.hpp"
+#include "sightline/observe/fiducial/fiducial_observer.hpp"
+#include "sightline/observe/terms/reprojection_term.hpp"
 #include "sightline/record/recording.hpp"
 #include "sightline/record/replay.hpp"
 #include "support/matchers.hpp"
@@ -26,7 +26,7 @@ constexpr size_t kEnoughCorners = 6;
 
 struct Sight {
   Observation observation;
-  std::shared_ptr<const CornerTerm> corners;  // null: not enough of them
+  std::shared_ptr<const ReprojectionTerm> corners;  // null: not enough of them
 };
 
 void observe_board(const std::filesystem::path& path, std::vector<Sight>& sights) {
@@ -59,7 +59,8 @@ void observe_board(const std::filesystem::path& path, std::vector<Sight>& sights
     for (Observation& observation : made) {
       Sight sight{std::move(observation), nullptr};
       if (!sight.observation.terms.empty()) {
-        auto corners = std::dynamic_pointer_cast<const CornerTerm>(sight.observation.terms.front());
+        auto corners =
+            std::dynamic_pointer_cast<const ReprojectionTerm>(sight.observation.terms.front());
         if (corners->matches().size() >= kEnoughCorners) sight.corners = std::move(corners);
       }
       sights.push_back(std::move(sight));
@@ -68,7 +69,7 @@ void observe_board(const std::filesystem::path& path, std::vector<Sight>& sights
 }
 
 /// Root mean square reprojection error [px].
-double reprojection(const CornerTerm& term, const Rigid3& world_from_object) {
+double reprojection(const ReprojectionTerm& term, const Rigid3& world_from_object) {
   const Rigid3 camera_from_object = term.camera().world_from_camera.inverse() * world_from_object;
   double sum = 0;
   for (const PointMatch& match : term.matches()) {

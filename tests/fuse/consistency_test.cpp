@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Are the covariances honest? Monte-Carlo over the synthetic rig; normalised estimation error
+// Are the covariances honest? Monte-Carlo over the synthetic rig; normalized estimation error
 // squared (Bar-Shalom, Li, Kirubarajan: Estimation with Applications, section 5.4).
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <cstdio>
 #include <string>
 
-#include "chi_square.hpp"
+#include "fuse/update/chi_square.hpp"
 #include "sightline/fuse/estimator.hpp"
 #include "support/synthetic_rig.hpp"
 
@@ -21,7 +21,7 @@ using test::MotionKind;
 using test::RigOptions;
 using test::SyntheticRig;
 
-/// Motion exactly as the filter models it, slow enough to stay in the pictures.
+/// Motion exactly as the filter models it, slow enough to stay in the images.
 RigOptions matched_rig(int cameras, uint64_t seed) {
   RigOptions options;
   options.cameras = cameras;
@@ -63,7 +63,7 @@ Nees nees_of(const PoseEstimate& estimate, const SyntheticRig& rig) {
           error.dot(estimate.covariance.ldlt().solve(error))};
 }
 
-/// Normalised errors of many runs, sampled at the same steps in each run.
+/// Normalized errors of many runs, sampled at the same steps in each run.
 class Consistency {
  public:
   explicit Consistency(int runs) : runs_(runs) {}

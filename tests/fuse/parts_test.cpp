@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// The estimator's parts one by one: quantiles, Jacobians, update, vote.
+// The estimator's parts one by one: quantiles, Jacobians, update, gating.
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
 
-#include "camera_system.hpp"
-#include "chi_square.hpp"
-#include "pose_update.hpp"
+#include "fuse/update/camera_system.hpp"
+#include "fuse/update/chi_square.hpp"
+#include "fuse/update/gating.hpp"
+#include "fuse/update/pose_update.hpp"
 #include "support/random.hpp"
 #include "support/reprojection_term.hpp"
 #include "support/synthetic_rig.hpp"
-#include "vote.hpp"
 
 namespace sightline::fuse {
 namespace {
@@ -31,7 +31,7 @@ TEST(ChiSquare, QuantilesMatchTables) {
   EXPECT_NEAR(table.at(200), 267.54, 0.3);
 }
 
-// One picture of the cube from each camera of a rig, all at one time.
+// One image of the cube from each camera of a rig, all at one time.
 std::vector<Observation> one_set(int cameras, double pixel_sigma, uint64_t seed,
                                  Duration capture_error = Duration(0)) {
   RigOptions options;
@@ -49,10 +49,10 @@ std::vector<Observation> one_set(int cameras, double pixel_sigma, uint64_t seed,
   return set;
 }
 
-std::vector<Voter> voters_of(const std::vector<Observation>& set) {
-  std::vector<Voter> voters;
-  for (const Observation& observation : set) voters.push_back({&observation, 1.0, 1.0, 0, 0});
-  return voters;
+std::vector<CameraMeasurement> measurements_of(const std::vector<Observation>& set) {
+  std::vector<CameraMeasurement> measurements;
+  for (const Observation& observation : set) measurements.push_back({&observation, 1.0, 1.0, 0, 0});
+  return measurements;
 }
 
 Matrix6 square(const Vector6& v) { return v * v.transpose(); }
@@ -66,18 +66,19 @@ Vector6 some_twist() {
 TEST(CameraSystem, GradientAndInformationMatchNumericDerivatives) {
   for (const Duration error : {Duration(0), Duration(std::chrono::milliseconds(3))}) {
     const auto set = one_set(1, 0.3, 3, error);
-    const Voter voter{&set[0], 2.5, 1.0, 0, 0};
+    const CameraMeasurement measurement{&set[0], 2.5, 1.0, 0, 0};
     Vector6 off;
     off << 0.01, -0.02, 0.015, 0.001, 0.002, -0.001;
     const Rigid3 pose = Rigid3::exp(off);
-    const CameraSystem at = linearize(voter, pose, square(some_twist()));
+    const CameraSystem at = linearize(measurement, pose, square(some_twist()));
     constexpr double kStep = 1e-5;
     for (int i = 0; i < 6; ++i) {
       const Vector6 d = kStep * Vector6::Unit(i);
-      const CameraSystem plus = linearize(voter, pose * Rigid3::exp(d), square(some_twist()));
-      const CameraSystem minus = linearize(voter, pose * Rigid3::exp(-d), square(some_twist()));
+      const CameraSystem plus = linearize(measurement, pose * Rigid3::exp(d), square(some_twist()));
+      const CameraSystem minus =
+          linearize(measurement, pose * Rigid3::exp(-d), square(some_twist()));
       const double slope = (plus.cost - minus.cost) / (2 * kStep);
-      // The time error is integrated out in a linearised way, exact to first order at the minimum.
+      // The time error is integrated out in a linearized way, exact to first order at the minimum.
       const double tolerance = error == Duration(0) ? 1e-5 : 0.05;
       EXPECT_NEAR(slope, at.gradient[i], tolerance * (1.0 + at.gradient.norm())) << i;
     }
@@ -128,14 +129,14 @@ PoseEstimate prior_estimate(double sigma_r, double sigma_t) {
   return prior;
 }
 
-// The update must agree with the textbook: minimise over all 12 states at once, numerically.
+// The update must agree with the textbook: minimize over all 12 states at once, numerically.
 TEST(PoseUpdate, EqualsTheJointMinimumOverPoseAndTwist) {
   const auto set = one_set(2, 0.3, 7);
-  const auto voters = voters_of(set);
+  const auto measurements = measurements_of(set);
   const PoseEstimate prior = prior_estimate(0.05, 0.01);
   Minimizer minimizer(20);
   PoseMinimum minimum;
-  minimizer.run(pose_prior(prior), voters, prior.world_from_object, minimum);
+  minimizer.run(pose_prior(prior), measurements, prior.world_from_object, minimum);
   const PoseEstimate result = posterior(prior, minimum);
 
   using Vector12 = Eigen::Matrix<double, 12, 1>;
@@ -145,7 +146,8 @@ TEST(PoseUpdate, EqualsTheJointMinimumOverPoseAndTwist) {
     Vector12 e;
     e << difference(prior.world_from_object, pose), twist - prior.twist;
     double sum = 0.5 * e.dot(information * e);
-    for (const Voter& voter : voters) sum += linearize(voter, pose, square(prior.twist)).cost;
+    for (const CameraMeasurement& measurement : measurements)
+      sum += linearize(measurement, pose, square(prior.twist)).cost;
     return sum;
   };
   const auto moved = [&](const Vector12& d) {
@@ -171,23 +173,23 @@ TEST(PoseUpdate, EqualsTheJointMinimumOverPoseAndTwist) {
 
 TEST(PoseUpdate, ConvergesFromFarAway) {
   const auto set = one_set(3, 0.0, 9);
-  const auto voters = voters_of(set);
+  const auto measurements = measurements_of(set);
   PoseEstimate prior = prior_estimate(1.0, 0.5);
   Vector6 off;
   off << 0.3, -0.25, 0.2, 0.05, -0.04, 0.06;
   prior.world_from_object = Rigid3::exp(off);
   Minimizer minimizer(30);
   PoseMinimum minimum;
-  minimizer.run(pose_prior(prior), voters, prior.world_from_object, minimum);
+  minimizer.run(pose_prior(prior), measurements, prior.world_from_object, minimum);
   EXPECT_LT(translation_distance(minimum.pose, Rigid3()), 1e-4);
   EXPECT_LT(rotation_angle(minimum.pose, Rigid3()), 1e-3);
 }
 
 // The gate's statistic is a chi-square variable of six degrees of freedom for a right measurement:
 // one in a thousand is refused, whatever prior and camera know.
-TEST(Vote, RightMeasurementsPassTheGate) {
-  Vote vote{EstimatorOptions{}};
-  Verdict verdict;
+TEST(Gating, RightMeasurementsPassTheGate) {
+  Gating gating{EstimatorOptions{}};
+  GatedUpdate update;
   Random random(5);
   int refused = 0;
   constexpr int kTrials = 400;
@@ -196,13 +198,13 @@ TEST(Vote, RightMeasurementsPassTheGate) {
     PoseEstimate prior = prior_estimate(0.01, 0.002);
     const Eigen::LLT<Matrix6> root(prior.pose_covariance());
     prior.world_from_object = Rigid3::exp(-(root.matrixL() * random.normal<6>()));
-    vote.hold(pose_prior(prior), voters_of(set), prior.world_from_object, verdict);
-    refused += verdict.accepted == 0 ? 1 : 0;
+    gating.run(pose_prior(prior), measurements_of(set), prior.world_from_object, update);
+    refused += update.accepted == 0 ? 1 : 0;
   }
   EXPECT_LE(refused, 3);
 }
 
-TEST(Vote, OneOfThreeThatContradictsLosesItsVote) {
+TEST(Gating, OneOfThreeThatContradictsIsRefused) {
   auto set = one_set(3, 0.3, 21);
   auto wrong = one_set(3, 0.3, 22);
   Vector6 off;
@@ -221,23 +223,23 @@ TEST(Vote, OneOfThreeThatContradictsLosesItsVote) {
   moved->by = Rigid3::exp(off);
   set[1].terms = {moved};
   set[1].hypotheses.clear();
-  Vote vote{EstimatorOptions{}};
-  Verdict verdict;
+  Gating gating{EstimatorOptions{}};
+  GatedUpdate update;
   const PoseEstimate loose = prior_estimate(0.3, 0.1);
-  vote.hold(pose_prior(loose), voters_of(set), Rigid3(), verdict);
-  EXPECT_EQ(verdict.accepted, camera_bit(CameraId(0)) | camera_bit(CameraId(2)));
-  EXPECT_EQ(verdict.gated, camera_bit(CameraId(1)));
-  EXPECT_LT(translation_distance(verdict.minimum.pose, Rigid3()), 0.002);
+  gating.run(pose_prior(loose), measurements_of(set), Rigid3(), update);
+  EXPECT_EQ(update.accepted, camera_bit(CameraId(0)) | camera_bit(CameraId(2)));
+  EXPECT_EQ(update.gated, camera_bit(CameraId(1)));
+  EXPECT_LT(translation_distance(update.minimum.pose, Rigid3()), 0.002);
 }
 
-TEST(Vote, ResidualsLargerThanClaimedWidenTheCovariance) {
+TEST(Gating, ResidualsLargerThanClaimedWidenTheCovariance) {
   const auto honest = one_set(2, 0.3, 31);
   const auto liar = one_set(2, 1.2, 31);
-  Vote vote{EstimatorOptions{}};
+  Gating gating{EstimatorOptions{}};
   const PoseEstimate loose = prior_estimate(0.3, 0.1);
-  Verdict a, b;
-  vote.hold(pose_prior(loose), voters_of(honest), Rigid3(), a);
-  vote.hold(pose_prior(loose), voters_of(liar), Rigid3(), b);
+  GatedUpdate a, b;
+  gating.run(pose_prior(loose), measurements_of(honest), Rigid3(), a);
+  gating.run(pose_prior(loose), measurements_of(liar), Rigid3(), b);
   ASSERT_NE(b.accepted, 0u);
   const double ratio = a.minimum.camera_information()(5, 5) / b.minimum.camera_information()(5, 5);
   EXPECT_GT(ratio, 4.0);

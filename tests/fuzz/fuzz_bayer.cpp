@@ -7,12 +7,13 @@
 #include <span>
 #include <vector>
 
-#include "bayer_decoder.hpp"
-#include "sightline/image/picture.hpp"
+#include "capture/decode/bayer_decoder.hpp"
+#include "sightline/image/image.hpp"
 
 namespace {
 
 using namespace sightline;
+using namespace sightline::capture;
 
 // The eight high bits of sample `x`, straight from the definition of the packing.
 uint8_t expected(BayerPacking packing, const uint8_t* row, int x) {
@@ -67,10 +68,10 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     }
   }
   BayerDecoder decoder(pattern, packing, width, height);
-  Picture picture(width, height);
+  Image image(width, height);
   const bool enough =
       bytes.size() >= static_cast<size_t>(stride) * static_cast<size_t>(height - 1) + row_bytes;
-  const bool decoded = decoder.decode(bytes, stride, picture.mutable_view()).has_value();
+  const bool decoded = decoder.decode(bytes, stride, image.mutable_view()).has_value();
   if (decoded && !enough) std::abort();
   return 0;
 }

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "sightline/base/files.hpp"
-#include "sightline/observe/feature_model.hpp"
+#include "sightline/observe/features/feature_model.hpp"
 
 /// A feature file without its checksum, which is put right here so that the checks behind it are
 /// reached. What is accepted is written back the same.

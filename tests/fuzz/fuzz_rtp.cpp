@@ -4,13 +4,12 @@
 #include <span>
 #include <vector>
 
-#include "h264_decoder.hpp"
-#include "rtp_times.hpp"
+#include "capture/network/rtp_times.hpp"
 
 /// RTP and RTCP packets in any order and of any content, each behind a byte that says which and how
-/// long; also what decides where H.264 can begin.
+/// long.
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
-  sightline::RtpTimes times;
+  sightline::capture::RtpTimes times;
   std::span<const uint8_t> rest(data, size);
   uint64_t pts = 0;
   while (!rest.empty()) {
@@ -31,7 +30,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
         times.set_clock_rate(packet.empty() ? 0 : packet[0] * 1000u);
         break;
       default:
-        sightline::begins_h264(packet);
+        break;
     }
     (void)times.utc_ns(pts);
   }

@@ -10,7 +10,7 @@
 #include <fstream>
 #include <string>
 
-#include "v4l2_nodes.hpp"
+#include "capture/v4l2/v4l2_nodes.hpp"
 
 namespace {
 
@@ -62,16 +62,17 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   put(usb / "serial", texts[2]);
   put(usb / "manufacturer", texts[3]);
   put(usb / "product", texts[4]);
-  const auto nodes = sightline::find_v4l2_nodes(
+  const auto nodes = sightline::capture::find_v4l2_nodes(
       {(tree.root / "sys/class/video4linux").string(), (tree.root / "dev").string()});
   if (nodes.size() != 1) std::abort();
-  const sightline::V4l2Node& found = nodes.front();
+  const sightline::capture::V4l2Node& found = nodes.front();
   for (const std::string* text : {&found.card, &found.serial, &found.model, &found.usb_port}) {
     if (has_control(*text)) std::abort();
   }
-  const auto again = sightline::choose_v4l2_node(sightline::stable_v4l2_id(found), nodes, "camera");
+  const auto again = sightline::capture::choose_v4l2_node(sightline::capture::stable_v4l2_id(found),
+                                                          nodes, "camera");
   if (!again || again->path != found.path) std::abort();
-  const auto chosen = sightline::choose_v4l2_node(texts[5], nodes, "camera");
+  const auto chosen = sightline::capture::choose_v4l2_node(texts[5], nodes, "camera");
   if (!chosen && chosen.error().text.empty()) std::abort();
   return 0;
 }

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "sightline/base/files.hpp"
-#include "sightline/observe/viewpoint_model.hpp"
+#include "sightline/observe/shape/viewpoint_model.hpp"
 
 /// A cache file without its checksum, which is put right here so that the checks behind it are
 /// reached. What is accepted is written back the same and can be asked for views.

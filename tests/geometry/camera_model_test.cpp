@@ -15,6 +15,7 @@ namespace sightline {
 namespace {
 
 using test::FailsWith;
+using test::IsOk;
 using test::lenses;
 using test::MatrixNear;
 using Parameters = CameraModel::Parameters;
@@ -25,7 +26,7 @@ Parameters with_distortion(LensModel lens, std::array<double, 8> k) {
   return Parameters{lens, 640, 480, 500, 500, 320, 240, k};
 }
 
-TEST(CameraModel, ProjectInvertsUnprojectOverThePicture) {
+TEST(CameraModel, ProjectInvertsUnprojectOverTheImage) {
   for (const auto& [name, p] : lenses()) {
     const CameraModel camera = make(p);
     for (int y = -1; y <= p.height; y += 23) {
@@ -84,7 +85,7 @@ TEST(CameraModel, JacobianAgreesWithNumericDerivative) {
   }
 }
 
-TEST(CameraModel, FisheyeSeesBesideAndBehindThePicturePlane) {
+TEST(CameraModel, FisheyeSeesBesideAndBehindTheImagePlane) {
   const CameraModel camera = make(with_distortion(LensModel::kFisheye, {}));
   EXPECT_DOUBLE_EQ(camera.max_valid_radius(), std::numbers::pi);
   const auto side = camera.project({1, 0, 0});
@@ -175,11 +176,24 @@ TEST(CameraModel, ContainsWholePixels) {
   EXPECT_FALSE(camera.contains({std::nan(""), 0}));
 }
 
+TEST(CameraModel, TakesLensesThatAreRareButReal) {
+  Parameters p = with_distortion(LensModel::kBrownConrady, {});
+  p.fx = p.fy = 3e6;  // 0.01 degrees
+  p.distortion[4] = -1.6e6;
+  EXPECT_THAT(CameraModel::create(p, "tele"), IsOk());
+  p.fx = p.fy = 10'000;
+  p.cx = -30'000;  // a window of a large sensor
+  EXPECT_THAT(CameraModel::create(p, "window"), IsOk());
+  p = with_distortion(LensModel::kFisheye, {});
+  p.fx = p.fy = 20;
+  EXPECT_THAT(CameraModel::create(p, "wide"), IsOk());
+}
+
 TEST(CameraModel, RefusesImpossibleParameters) {
   const Parameters good = with_distortion(LensModel::kBrownConrady, {});
   Parameters p = good;
   p.width = 0;
-  EXPECT_THAT(CameraModel::create(p, "left"), FailsWith("left: picture size 0x480"));
+  EXPECT_THAT(CameraModel::create(p, "left"), FailsWith("left: image size 0x480"));
   p = good;
   p.height = 40000;
   EXPECT_THAT(CameraModel::create(p, "left"), FailsWith("outside 1..32768"));
@@ -192,6 +206,21 @@ TEST(CameraModel, RefusesImpossibleParameters) {
   p = good;
   p.distortion[1] = std::numeric_limits<double>::infinity();
   EXPECT_THAT(CameraModel::create(p, "left"), FailsWith("coefficient 2"));
+  p = good;
+  for (const double focal : {1e300, 1e-300, 6.3, 6.5e6, 0.0}) {
+    p.fx = focal;
+    EXPECT_THAT(CameraModel::create(p, "left"), FailsWith("left: focal lengths fx")) << focal;
+  }
+  p = good;
+  for (const double center : {1e300, -1e300, 65'000.0, -64'000.0}) {
+    p.cy = center;
+    EXPECT_THAT(CameraModel::create(p, "left"), FailsWith("left: principal point")) << center;
+  }
+  p = good;
+  for (const double coefficient : {1e300, -1e13}) {
+    p.distortion[4] = coefficient;
+    EXPECT_THAT(CameraModel::create(p, "left"), FailsWith("left: distortion coefficient 5 is"));
+  }
   p = good;
   p.distortion[5] = 0.1;
   EXPECT_THAT(CameraModel::create(p, "left"), FailsWith("has only 5"));

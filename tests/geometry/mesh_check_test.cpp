@@ -1,13 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Broken mesh files: each is refused by line or element, never handed on.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
+#include <chrono>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <string>
 
 #include "mesh_samples.hpp"
+#include "sightline/base/files.hpp"
 #include "sightline/geometry/mesh.hpp"
 #include "support/matchers.hpp"
 
@@ -53,10 +58,100 @@ TEST(ObjCheck, LeavesOutWhatIsNoSurface) {
       IsOk());
 }
 
+TEST(ObjCheck, NumbersMayBeginWithTheirPoint) {
+  const auto mesh = with("obj", "v 0 1 0\nv 0 0 1", "v 0 .5 -.0\nv 0 0 +.5e0");
+  ASSERT_THAT(mesh, IsOk());
+  EXPECT_FLOAT_EQ(mesh->max_corner.y(), 0.5f);
+  EXPECT_FLOAT_EQ(mesh->max_corner.z(), 0.5f);
+}
+
 TEST(ObjCheck, RefusesPolygonsWithoutEnd) {
   std::string face = "f";
   for (int i = 0; i < 5000; ++i) face += " 1 2 3";
   EXPECT_THAT(with("obj", "f 1 2 4", face), FailsWith("t.obj:7: face 2: 15000 corners"));
+}
+
+/// `count` squares, each behind a line that `line(i)` gives.
+template <typename Line>
+std::string squares(int count, Line line) {
+  std::string text = "mtllib a.mtl\nmtllib a.mtl\n";
+  for (int i = 0; i < count; ++i) {
+    text +=
+        fmt::format("{}\nv {} 0 0\nv {} 1 0\nv {} 1 1\nf -3 -2 {}\n", line(i), i, i, i, 3 * i + 3);
+  }
+  return text;
+}
+
+/// Seconds and the mesh, or why it was refused.
+std::pair<double, Result<TriangleMesh>> timed(const std::string& text) {
+  const auto start = std::chrono::steady_clock::now();
+  MeshOptions options;
+  options.max_extent = 1e7;
+  auto mesh = parse_mesh(text, "obj", "t.obj", options);
+  return {std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(),
+          std::move(mesh)};
+}
+
+constexpr double kAtOnce = 10;  // [s]; without sanitizers it is a fraction of one
+
+TEST(ObjCheck, MaterialsThatTakeTurnsTakeNoTime) {
+  const auto [seconds, mesh] =
+      timed(squares(60'000, [](int i) { return fmt::format("usemtl paint {}", i % 40); }));
+  ASSERT_THAT(mesh, IsOk());
+  EXPECT_EQ(mesh->faces.size(), 60'000u);
+  EXPECT_LT(seconds, kAtOnce);
+}
+
+TEST(ObjCheck, MaterialsWithoutEndAreRefusedAtOnce) {
+  const auto [seconds, mesh] =
+      timed(squares(60'000, [](int i) { return fmt::format("usemtl paint{}", i); }));
+  EXPECT_THAT(mesh, FailsWith("more than 4096 materials"));
+  EXPECT_LT(seconds, kAtOnce);
+  const auto [some_seconds, some] =
+      timed(squares(4000, [](int i) { return fmt::format("usemtl paint{}", i); }));
+  ASSERT_THAT(some, IsOk());
+  EXPECT_EQ(some->faces.size(), 4000u);
+  EXPECT_LT(some_seconds, kAtOnce);
+}
+
+TEST(ObjCheck, GroupsWithoutEndTakeNoTime) {
+  const auto [seconds, mesh] = timed(squares(300'000, [](int i) {
+    return fmt::format("o part{}\ng group{}\nusemtl paint{}", i, i, i % 2);
+  }));
+  ASSERT_THAT(mesh, IsOk());
+  EXPECT_EQ(mesh->faces.size(), 300'000u);
+  EXPECT_LT(seconds, 3 * kAtOnce);
+}
+
+TEST(ObjCheck, LibrariesWithoutEndAreRefused) {
+  EXPECT_THAT(timed(squares(100, [](int i) { return fmt::format("mtllib {}.mtl", i); })).second,
+              FailsWith("more than 64 material libraries"));
+}
+
+/// A mesh beside a library of materials, of which it uses many.
+TEST(ObjCheck, LargeLibrariesTakeNoTimeOrAreRefused) {
+  const std::filesystem::path folder =
+      std::filesystem::path(testing::TempDir()) / fmt::format("obj_check.{}", ::getpid());
+  std::filesystem::create_directories(folder);
+  const auto library = [&](int count) {
+    std::string text;
+    for (int i = count; i-- > 0;) text += fmt::format("newmtl m{}\n", i);
+    ASSERT_THAT(write_file_atomically(folder / "a.mtl", text), IsOk());
+  };
+  const std::string mesh =
+      squares(60'000, [](int i) { return fmt::format("usemtl m{}", i % 4000); });
+  ASSERT_THAT(write_file_atomically(folder / "a.obj", mesh), IsOk());
+  MeshOptions options;
+  options.max_extent = 1e7;
+  library(4096);
+  const auto start = std::chrono::steady_clock::now();
+  EXPECT_THAT(read_mesh(folder / "a.obj", options), IsOk());
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(30));
+  library(250'000);
+  EXPECT_THAT(read_mesh(folder / "a.obj", options), FailsWith("to more than 4096 materials"));
+  library(500'000);
+  EXPECT_THAT(read_mesh(folder / "a.obj", options), FailsWith("a.mtl is larger than"));
+  std::filesystem::remove_all(folder);
 }
 
 TEST(OffCheck, NamesTheLine) {
@@ -163,10 +258,17 @@ TEST(GltfCheck, NamesTheElement) {
   EXPECT_THAT(with("gltf", "\"2.0\"", "\"1.0\""), FailsWith("not glTF version 2"));
   EXPECT_THAT(with("gltf", "\"scene\":0", "\"extensionsRequired\":[\"X_y\"]"), FailsWith("X_y"));
   EXPECT_THAT(with("gltf", "{\"mesh\":0}", "{\"mesh\":0,\"scale\":[1,2]}"), FailsWith("'scale'"));
-  EXPECT_THAT(with("gltf", "\"mesh\":0", "\"mesh\":" + std::string(60, '[')), FailsWith("nested"));
+  EXPECT_THAT(with("gltf", "\"mesh\":0", fmt::format("\"mesh\":{}", std::string(60, '['))),
+              FailsWith("nested"));
   EXPECT_THAT(with("gltf", "\"mesh\":0", "\"mesh\":"), FailsWith("not a glTF document"));
   // The last index of the buffer, in base64, made 4: assimp drops such a face without a word.
-  EXPECT_THAT(with("gltf", "AAADAAIA\"", "AAADAAQA\""), FailsWith("3 of 4 faces"));
+  const auto corrupt = with("gltf", "AAADAAIA\"", "AAADAAQA\"");
+  EXPECT_THAT(corrupt, FailsWith("3 of 4 faces"));
+  EXPECT_EQ(exit_code(corrupt.error()), 2);
+  const auto circle = with("gltf", "\"nodes\":[{\"mesh\":0}]",
+                           "\"nodes\":[{\"mesh\":0},{\"children\":[2]},{\"children\":[1]}]");
+  EXPECT_THAT(circle, FailsWith("in a circle"));
+  EXPECT_EQ(exit_code(circle.error()), 2);
 }
 
 std::string little_endian(size_t value) {
@@ -199,6 +301,13 @@ TEST(GltfCheck, ReadsBinaryFiles) {
   EXPECT_EQ(mesh->faces.size(), 4u);
   EXPECT_TRUE(mesh->closed);
   EXPECT_THAT(parse_mesh(glb.substr(0, glb.size() - 1), "glb", "t.glb"), FailsWith("cut short"));
+  for (const char last : {'\4', '\xff'}) {  // index
+    std::string corrupt = glb;
+    corrupt[corrupt.size() - 2] = last;
+    const auto refused = parse_mesh(corrupt, "glb", "t.glb");
+    ASSERT_FALSE(refused);
+    EXPECT_EQ(exit_code(refused.error()), 2) << refused.error().message();
+  }
 }
 
 }  // namespace

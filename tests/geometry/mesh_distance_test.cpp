@@ -14,16 +14,16 @@ TEST(MeshDistance, FindsWhatTryingEveryFaceFinds) {
   test::Random random(5);
   for (int i = 0; i < 500; ++i) {
     const Eigen::Vector3d p = 0.08 * random.normal<3>();
-    double least = 1e9;
+    double min = 1e9;
     for (const auto& f : mesh.faces) {
       const Eigen::Vector3d on = nearest_on_triangle(p, mesh.vertices[f[0]].cast<double>(),
                                                      mesh.vertices[f[1]].cast<double>(),
                                                      mesh.vertices[f[2]].cast<double>());
-      least = std::min(least, (on - p).norm());
+      min = std::min(min, (on - p).norm());
     }
     const SurfacePoint found = tree.nearest(p);
-    EXPECT_NEAR(found.distance, least, 1e-12);
-    EXPECT_NEAR((found.point - p).norm(), least, 1e-12);
+    EXPECT_NEAR(found.distance, min, 1e-12);
+    EXPECT_NEAR((found.point - p).norm(), min, 1e-12);
   }
 }
 
@@ -34,16 +34,16 @@ TEST(MeshDistance, NearestOnATriangleIsTheNearest) {
     const Eigen::Vector3d a = random.normal<3>(), b = random.normal<3>(), c = random.normal<3>();
     const Eigen::Vector3d p = 2 * random.normal<3>();
     const double found = (nearest_on_triangle(p, a, b, c) - p).norm();
-    double least = 1e9;
+    double min = 1e9;
     constexpr int kGrid = 60;
     for (int u = 0; u <= kGrid; ++u) {
       for (int v = 0; u + v <= kGrid; ++v) {
         const Eigen::Vector3d on = a + (b - a) * u / kGrid + (c - a) * v / kGrid;
-        least = std::min(least, (on - p).norm());
+        min = std::min(min, (on - p).norm());
       }
     }
-    EXPECT_LE(found, least + 1e-12);
-    EXPECT_GE(found, least - 0.12);
+    EXPECT_LE(found, min + 1e-12);
+    EXPECT_GE(found, min - 0.12);
   }
 }
 

@@ -36,7 +36,7 @@ class MeshSurfaceFiles : public ::testing::Test {
   fs::path folder_;
 };
 
-TEST_F(MeshSurfaceFiles, GivesColoursAndPlacesInTheTexture) {
+TEST_F(MeshSurfaceFiles, GivesColorsAndPlacesInTheTexture) {
   MeshOptions options;
   options.meters_per_unit = 0.01;
   const MeshSurface surface = read_mesh_surface(write_square("print.png"), options).value();
@@ -70,7 +70,7 @@ std::string base64(const std::string& bytes) {
   return out;
 }
 
-/// A square of two faces with places, colours and, last, a picture of ten bytes in one buffer.
+/// A square of two faces with places, colors and, last, an image of ten bytes in one buffer.
 std::string gltf_square(const std::string& image, const std::string& texture_extra = "") {
   std::string buffer;
   const auto add = [&](std::initializer_list<float> values) {
@@ -112,7 +112,7 @@ std::string gltf_square(const std::string& image, const std::string& texture_ext
          "\"COLOR_0\":2},\"indices\":3,\"material\":0}]}]}";
 }
 
-TEST_F(MeshSurfaceFiles, ReadsTexturesAndColoursOfGltf) {
+TEST_F(MeshSurfaceFiles, ReadsTexturesAndColorsOfGltf) {
   const std::array<std::pair<const char*, std::string>, 3> images = {
       std::pair{"{\"bufferView\":4,\"mimeType\":\"image/png\"}", "0123456789"},
       {"{\"uri\":\"data:image/png;base64,MDEyMzQ1Njc4OTo=\"}", "0123456789:"},
@@ -169,7 +169,7 @@ TEST_F(MeshSurfaceFiles, LooksForTexturesBesideTheMeshOnly) {
   }
 }
 
-TEST_F(MeshSurfaceFiles, IsEmptyForFormatsWithoutColour) {
+TEST_F(MeshSurfaceFiles, IsEmptyForFormatsWithoutColor) {
   const fs::path off = write("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
   EXPECT_TRUE(read_mesh_surface(off).value().triangles.empty());
 }

@@ -118,9 +118,9 @@ TEST(Mesh, GivenNormalsAreMadeUnitAndZeroOnesReplaced) {
 }
 
 TEST(Mesh, AppliesTheUnit) {
-  MeshOptions millimetres;
-  millimetres.meters_per_unit = 0.001;
-  const auto mesh = finish_mesh(square(), "test", millimetres);
+  MeshOptions millimeters;
+  millimeters.meters_per_unit = 0.001;
+  const auto mesh = finish_mesh(square(), "test", millimeters);
   ASSERT_THAT(mesh, IsOk());
   EXPECT_NEAR(area(*mesh), 1e-6, 1e-12);
   EXPECT_FLOAT_EQ(mesh->max_corner.x(), 0.001f);
@@ -151,7 +151,7 @@ TEST(Mesh, RefusesWhatCannotBeDrawn) {
   EXPECT_THAT(finish_mesh(mesh, "m"), FailsWith("face 1: normal index 1 of 1"));
   mesh = square();
   mesh.face_colors = {{0, 0, 1}};
-  EXPECT_THAT(finish_mesh(mesh, "m"), FailsWith("colours for 1"));
+  EXPECT_THAT(finish_mesh(mesh, "m"), FailsWith("colors for 1"));
   MeshOptions options;
   options.max_faces = 1;
   EXPECT_THAT(finish_mesh(square(), "m", options), FailsWith("the limit is 1"));
@@ -246,9 +246,9 @@ TEST(MeshFormats, ObjPolygonsMaterialsAndUnit) {
                                     "mtllib l.mtl\nv 0 0 0\nv 2 0 0\nv 2 2 0\nv 1 2 0\nv 1 1 0\n"
                                     "v 0 1 0\nv 3 0 0\nusemtl red\nf 1 2 3 4 5 6\nusemtl blue\n"
                                     "f 2 7 3\n"));
-  MeshOptions millimetres;
-  millimetres.meters_per_unit = 0.001;
-  const auto mesh = read_mesh(folder / "l.obj", millimetres);
+  MeshOptions millimeters;
+  millimeters.meters_per_unit = 0.001;
+  const auto mesh = read_mesh(folder / "l.obj", millimeters);
   ASSERT_THAT(mesh, IsOk());
   EXPECT_EQ(mesh->faces.size(), 5u);
   EXPECT_NEAR(area(*mesh), 4e-6, 1e-10);

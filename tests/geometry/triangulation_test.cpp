@@ -57,7 +57,7 @@ TEST(Triangulation, FindsThePointExactlyWithoutNoise) {
 }
 
 /// The covariance of the errors over many draws agrees with the one reported, and their
-/// normalised square is 3 on average.
+/// normalized square is 3 on average.
 TEST(Triangulation, CovarianceAgreesWithMonteCarlo) {
   const auto cameras = rig();
   const Eigen::Vector3d point(0.12, 0.02, 0.25);
@@ -65,7 +65,7 @@ TEST(Triangulation, CovarianceAgreesWithMonteCarlo) {
   std::normal_distribution<double> normal;
   Eigen::Matrix3d sampled = Eigen::Matrix3d::Zero();
   Eigen::Matrix3d reported = Eigen::Matrix3d::Zero();
-  double normalised = 0;
+  double normalized = 0;
   constexpr int kDraws = 4000;
   for (int i = 0; i < kDraws; ++i) {
     auto sights = sights_of(cameras, point, 0.5);
@@ -76,10 +76,10 @@ TEST(Triangulation, CovarianceAgreesWithMonteCarlo) {
     const Eigen::Vector3d error = found->point_in_world - point;
     sampled += error * error.transpose() / kDraws;
     reported += found->covariance / kDraws;
-    normalised += error.dot(found->covariance.inverse() * error) / kDraws;
+    normalized += error.dot(found->covariance.inverse() * error) / kDraws;
   }
   EXPECT_THAT(sampled, MatrixNear(reported, 0.06 * reported.diagonal().maxCoeff()));
-  EXPECT_NEAR(normalised, 3, 4 * std::sqrt(6.0 / kDraws));
+  EXPECT_NEAR(normalized, 3, 4 * std::sqrt(6.0 / kDraws));
 }
 
 TEST(Triangulation, RefusesFewerThanTwoSights) {

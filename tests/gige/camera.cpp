@@ -78,8 +78,8 @@ int64_t Camera::next_on_grid(int64_t after_ns, int64_t period, double phase_ms) 
 }
 
 uint32_t Camera::payload_bytes() const {
-  size_t bytes = picture_bytes(format(), static_cast<int>(registers_.u32(reg::kWidth)),
-                               static_cast<int>(registers_.u32(reg::kHeight)));
+  size_t bytes = image_bytes(format(), static_cast<int>(registers_.u32(reg::kWidth)),
+                             static_cast<int>(registers_.u32(reg::kHeight)));
   if (registers_.u32(reg::kChunkMode) != 0) {
     bytes += kChunkTail;
     for (uint32_t i = 1; i < 4; ++i) {

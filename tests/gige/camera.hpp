@@ -86,7 +86,7 @@ class Camera {
   int64_t ptp_since_ns_ = 0;
   uint64_t next_id_;
   uint64_t exposed_ = 0;  ///< since the start of acquisition
-  std::vector<uint8_t> picture_;
+  std::vector<uint8_t> image_;
 };
 
 }  // namespace sightline::gige

@@ -8,8 +8,10 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <memory>
+#include <thread>
 
 namespace sightline::gige {
 namespace {
@@ -114,8 +116,10 @@ void Control::run(int64_t now_ns) {
       command.id = static_cast<uint16_t>(u16_at(packet, 6));
       command.data = packet.subspan(8);
       if (u16_at(packet, 4) > command.data.size()) continue;
+      std::this_thread::sleep_for(std::chrono::nanoseconds(faults_.answer_ns));
       if (in_control(command.from)) heard_ns_ = now_ns;
       answer(command, now_ns);
+      if (faults_.answer_ns > 0) return;  // else those who ask again leave no time for anything
     }
   }
 }

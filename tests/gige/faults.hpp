@@ -23,6 +23,7 @@ struct Faults {
   bool silent = false;    ///< streams nothing
   bool no_stamp = false;  ///< stamps are zero
   bool deaf = false;      ///< answers no command
+  int64_t answer_ns = 0;  ///< what it takes for each
 };
 
 }  // namespace sightline::gige

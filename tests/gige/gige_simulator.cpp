@@ -43,6 +43,7 @@ class Commands {
     microseconds("delay-us", faults.delay_ns);
     microseconds("jitter-us", faults.jitter_ns);
     microseconds("stamp-jitter-us", faults.stamp_jitter_ns);
+    microseconds("answer-us", faults.answer_ns);
     flag("silent", faults.silent);
     flag("no-stamp", faults.no_stamp);
     flag("deaf", faults.deaf);
@@ -248,7 +249,7 @@ int main(int argc, char** argv) {
   app.footer(
       "--set and standard input: loss, resend-loss, reorder, duplicate (shares of packets); "
       "no-leader, no-trailer, short-leader, wrong-size (shares of frames); reorder-us, "
-      "delay-us, jitter-us, stamp-jitter-us; silent, deaf, no-stamp (0 or 1); resend (0 "
+      "delay-us, jitter-us, stamp-jitter-us, answer-us; silent, deaf, no-stamp (0 or 1); resend (0 "
       "off, 1 on, 2 refused); drift-ppm, clock-reset, clock-jump-ms, clock-wrap-ticks; "
       "frame-id, extended-ids, rate, line, drop-control, pending");
   Arguments arguments;

@@ -33,7 +33,7 @@ constexpr std::array kFormats = std::to_array<WireFormat>({
 
 using Table = std::array<uint16_t, kPatternPeriod>;
 
-// Bits without an order that a camera's picture could have.
+// Bits without an order that a camera's image could have.
 const Table& table() {
   static const Table values = [] {
     Table made{};
@@ -92,7 +92,7 @@ const WireFormat* find_wire_format(std::string_view name) {
   return nullptr;
 }
 
-size_t picture_bytes(const WireFormat& format, int width, int height) {
+size_t image_bytes(const WireFormat& format, int width, int height) {
   const auto pixels = static_cast<size_t>(width) * static_cast<size_t>(height);
   switch (format.layout) {
     case Layout::kBytes:
@@ -114,7 +114,7 @@ uint16_t pattern_value(int bits, int i, int y, uint64_t frame) {
 
 void draw_pattern(const WireFormat& format, int width, int height, uint64_t frame,
                   std::vector<uint8_t>& bytes) {
-  bytes.assign(picture_bytes(format, width, height), 0);
+  bytes.assign(image_bytes(format, width, height), 0);
   const size_t row_bytes = bytes.size() / static_cast<size_t>(height);
   for (int y = 0; y < height; ++y) {
     const size_t row = row_bytes * static_cast<size_t>(y);

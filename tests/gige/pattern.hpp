@@ -9,7 +9,7 @@
 
 namespace sightline::gige {
 
-/// Number of pictures before the first one comes again.
+/// Number of images before the first one comes again.
 constexpr uint64_t kPatternPeriod = 1021;
 
 enum class Layout : uint8_t {
@@ -33,14 +33,14 @@ std::span<const WireFormat> wire_formats();
 const WireFormat* find_wire_format(uint32_t code);
 const WireFormat* find_wire_format(std::string_view name);
 
-/// Bytes of a picture.
-size_t picture_bytes(const WireFormat& format, int width, int height);
+/// Bytes of an image.
+size_t image_bytes(const WireFormat& format, int width, int height);
 
 /// One component: `i` counts components within the row. Depends on row and frame in such a way that
 /// rows or frames that are mixed up show.
 uint16_t pattern_value(int bits, int i, int y, uint64_t frame);
 
-/// The whole picture as it travels.
+/// The whole image as it travels.
 void draw_pattern(const WireFormat& format, int width, int height, uint64_t frame,
                   std::vector<uint8_t>& bytes);
 

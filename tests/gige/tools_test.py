@@ -79,7 +79,7 @@ class Tools(unittest.TestCase):
         camera = self.simulator(loss=0.01)
         counters = self.camera_test("--packet-timeout", "5", "--initial-packet-timeout", "1")
         self.assertGreater(counters["n_resent_packets"], 0)
-        self.assertGreater(counters["n_completed_buffers"], 20)
+        self.assertGreater(counters["n_completed_buffers"], 5)
         camera.set("resend", 0)
         self.assertGreater(self.camera_test()["n_failures"], 0)
         camera.set("resend", 2)
@@ -88,7 +88,7 @@ class Tools(unittest.TestCase):
     def test_long_frame_numbers_and_duplicates(self):
         camera = self.simulator("--first-id", 2**32 - 10, extended_ids=1, duplicate=0.05)
         counters = self.camera_test()
-        self.assertGreater(counters["n_completed_buffers"], 20)
+        self.assertGreater(counters["n_completed_buffers"], 5)
         self.assertEqual(counters["n_missing_frames"], 0)
         self.assertGreater(counters["n_duplicated_packets"], 0)
         camera.set("pending", 3)  # answers that take a while

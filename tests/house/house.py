@@ -7,22 +7,55 @@ import shutil
 import subprocess
 import sys
 
+import cpp_text
+
 PIPELINE = {"capture", "observe", "fuse", "render", "stream", "record", "calibrate", "publish", "control"}
-ROOMS = {"base", "geometry", "image", "model", "config"} | PIPELINE
+ROOMS = {"base", "geometry", "image", "model", "config", "pipeline"} | PIPELINE
 FLOOR = {"base", "geometry", "image", "model"}
 
-# room -> rooms it may include besides itself (DESIGN: rooms and arrows).
+# room -> rooms it may include besides itself (docs/architecture.md).
 ARROWS = {"base": set(), "geometry": {"base"}, "image": {"base"}, "model": {"base", "geometry", "image"}}
 ARROWS.update({room: FLOOR for room in PIPELINE})
 ARROWS["config"] = FLOOR | PIPELINE
+ARROWS["pipeline"] = ROOMS
 ARROWS["daemon"] = ROOMS
 ARROWS["cli"] = ROOMS
+
+# room -> sub-room -> sub-rooms of the same room that it may include besides itself.
+SUBROOM_ARROWS = {
+    "observe": {"terms": set(), "shape": {"terms"},
+                **{modality: {"terms", "shape"}
+                   for modality in ("fiducial", "track", "detect", "features", "scene", "stereo")}},
+    "capture": {"common": set(), "decode": {"common"},
+                **{source: {"common", "decode"} for source in ("v4l2", "aravis", "libcamera", "network")}},
+    "render": {"mesh": set(), "raster": {"mesh"}, "gpu": {"mesh", "raster"},
+               "overlay": {"mesh", "raster", "gpu"}},
+}
+# The command line runs the daemon's parts (`record`, `cameras --sync`) through these headers alone.
+DAEMON_FOR_CLI = {"daemon.hpp", "signals.hpp", "action_worker.hpp"}
+
+MAX_FILES_IN_FOLDER = 30
+MAX_LINES_OF_FILE = {"product": 450, "test": 700}
+MAX_LINES_OF_FUNCTION = {"product": 60, "test": 140}
+# Files that may be longer, with the reason; three at most.
+LONG_FILES = {}
+# Rooms whose private headers are not in a namespace of their own yet.
+SHARED_NAMESPACE = {"render"}
 
 SOURCE = (".cpp", ".hpp", ".h", ".cc")
 VENDOR = re.compile(r'#\s*include\s*[<"](opencv2|gst|glib|GL|EGL|GLES\d?|libav|libsw|assimp|apriltag|'
                     r'linux/videodev2|arv|libcamera|ft2build|freetype|microhttpd|prometheus|systemd|'
                     r'toml\+\+|nlohmann|libyuv|CLI)[/.]?')
-INCLUDE = re.compile(r'^\s*#\s*include\s*"sightline/(\w+)/')
+INCLUDE = re.compile(r'^\s*#\s*include\s*"([^"]+)"')
+PROGRAM_SOURCE = re.compile(r"(?:^|[\s\"/}])(?:daemon|cli)/[\w/]+\.cpp")
+# "GREY" is the name of a pixel format; capitals are left alone.
+BRITISH = re.compile(r"\b\w*?(?:[Cc]olour|[Gg]rey|[Cc]entre|[Nn]eighbour|[Bb]ehaviour|[Ff]avour|[Hh]onour|"
+                     r"[Rr]asteris|[Nn]ormalis|[Ii]nitialis|[Oo]ptimis|[Ll]inearis|[Ss]ynchronis|"
+                     r"[Rr]ecognis|[Mm]inimis|[Mm]aximis|[Ss]erialis|[Qq]uantis|[Cc]atalogue|[Aa]rtefact|"
+                     r"[Aa]nalyse|[Ss]ummaris|[Vv]ectoris|(?:[Mm]illi|[Kk]ilo|[Cc]enti)?[Mm]etres?\b)\w*")
+
+# Controls of libcamera are spelled as it spells them.
+LIBCAMERA_NAMES = {"ColourGains", "ColourCorrectionMatrix"}
 
 
 def tracked(root):
@@ -54,21 +87,127 @@ def room_of(name):
     return None
 
 
-def arrows(root):
+def subroom_of(name):
+    parts = name.split("/")
+    place = 3 if parts[0] == "include" else 2
+    return parts[place] if len(parts) > place + 1 else None
+
+
+def includes(root, room_filter=lambda room: True):
+    """(file, line, room, include) of every quoted include of the product."""
     for name in tracked(root):
         room = room_of(name)
-        if room is None or not name.endswith(SOURCE):
-            continue
-        if room not in ARROWS:
-            yield f"{name}: '{room}' is not a room of the house"
+        if room is None or not name.endswith(SOURCE) or not room_filter(room):
             continue
         for number, line in enumerate(lines(root, name), 1):
             match = INCLUDE.match(line)
-            if match and match.group(1) != room and match.group(1) not in ARROWS[room]:
-                yield f"{name}:{number}: {room} may not include {match.group(1)}"
+            if match:
+                yield name, number, room, match.group(1)
 
 
-def licence(root):
+def arrows(root):
+    for name in tracked(root):
+        room = room_of(name)
+        if room is not None and name.endswith(SOURCE) and room not in ARROWS:
+            yield f"{name}: '{room}' is not a room of the house"
+    for name, number, room, include in includes(root, ARROWS.__contains__):
+        parts = include.split("/")
+        if parts[0] == "sightline" and len(parts) > 2 and parts[1] != room and parts[1] not in ARROWS[room]:
+            yield f"{name}:{number}: {room} may not include {parts[1]}"
+
+
+def subroom_arrows(root):
+    for name in tracked(root):
+        room = room_of(name)
+        if room in SUBROOM_ARROWS and name.endswith(SOURCE) and subroom_of(name) not in SUBROOM_ARROWS[room]:
+            yield f"{name}: lies in no sub-room of {room}"
+    for name, number, room, include in includes(root, SUBROOM_ARROWS.__contains__):
+        parts = include.removeprefix("sightline/").split("/")
+        subroom = subroom_of(name)
+        known = SUBROOM_ARROWS[room]
+        if parts[0] != room or len(parts) < 3 or subroom not in known or parts[1] == subroom:
+            continue
+        if parts[1] not in known[subroom]:
+            yield f"{name}:{number}: {room}/{subroom} may not include {room}/{parts[1]}"
+
+
+def private_headers(root):
+    """Private headers are included by their path from src/, in their own room only."""
+    for name, number, room, include in includes(root):
+        if include.startswith("sightline/"):
+            continue
+        if name.startswith("include/"):
+            yield f"{name}:{number}: a public header includes the private {include}"
+        elif room in ("daemon", "cli"):
+            folder = os.path.join(root, room)
+            own = include == "version.hpp" or os.path.isfile(os.path.join(folder, include))
+            lent = room == "cli" and os.path.basename(include) in DAEMON_FOR_CLI
+            if not own and not lent:
+                yield f"{name}:{number}: {room} may not include {include}"
+        elif include.split("/")[0] != room:
+            yield f"{name}:{number}: {include} is no path of a private header of {room}"
+
+
+def private_namespaces(root):
+    """What a private header declares is in the namespace of its room."""
+    for name in tracked(root):
+        room = room_of(name)
+        if not name.startswith("src/") or not name.endswith(".hpp") or room in SHARED_NAMESPACE:
+            continue
+        own = re.compile(rf"^namespace sightline::{room}(?:::\w+)* {{")
+        opened = [line for line in lines(root, name) if line.startswith("namespace ")]
+        if opened and not any(own.match(line) for line in opened):
+            yield f"{name}: not in namespace sightline::{room}"
+
+
+def program_sources(root):
+    """No test and no bench compiles the sources of a program."""
+    for name in tracked(root):
+        if name.startswith(("tests/", "bench/")) and name.endswith(("CMakeLists.txt", ".cmake")):
+            for number, line in enumerate(lines(root, name), 1):
+                if PROGRAM_SOURCE.search(line):
+                    yield f"{name}:{number}: compiles a program's source: {line.strip()}"
+
+
+def folders(root):
+    count = {}
+    for name in tracked(root):
+        if name.startswith(("src/", "include/", "daemon/", "cli/", "bench/", "scripts/", "docs/", "tests/")):
+            folder = os.path.dirname(name)
+            count[folder] = count.get(folder, 0) + 1
+    for folder, files in sorted(count.items()):
+        if files > MAX_FILES_IN_FOLDER and "/corpus" not in folder:
+            yield f"{folder}: {files} files; at most {MAX_FILES_IN_FOLDER}"
+
+
+def lengths(root):
+    if len(LONG_FILES) > 3:
+        yield "house.py: more than three long files"
+    for name in tracked(root):
+        if not name.endswith(SOURCE):
+            continue
+        content = lines(root, name)
+        kind = "test" if name.startswith(("tests/", "bench/")) else "product"
+        if len(content) - 1 > MAX_LINES_OF_FILE[kind] and name not in LONG_FILES:
+            yield f"{name}: {len(content) - 1} lines; at most {MAX_LINES_OF_FILE[kind]}"
+        for first, number, function in cpp_text.functions("\n".join(content)):
+            if number > MAX_LINES_OF_FUNCTION[kind]:
+                yield f"{name}:{first}: {function} has {number} lines; at most {MAX_LINES_OF_FUNCTION[kind]}"
+
+
+def spelling(root):
+    kinds = SOURCE + (".md", ".py", ".toml", ".cmake", ".txt", ".inl", ".sh", ".1", ".8", ".5")
+    for name in tracked(root):
+        if not name.endswith(kinds) or name.startswith(("tests/house/", "recordings/")) or "/corpus/" in name:
+            continue
+        for number, line in enumerate(lines(root, name), 1):
+            for word in BRITISH.findall(line):
+                if word in LIBCAMERA_NAMES:
+                    continue
+                yield f"{name}:{number}: {word}: spelled as in the US, please"
+
+
+def license(root):
     kinds = SOURCE + (".py", ".cmake", ".md", ".toml", ".sh", ".service", "CMakeLists.txt")
     for name in tracked(root):
         if name.startswith("recordings/") or "/corpus/" in name or "/data/" in name:
@@ -122,7 +261,9 @@ def format(root):
                            if "error: code should be clang-formatted" in line})
 
 
-CHECKS = {f.__name__: f for f in (arrows, licence, vendor_headers, line_length, paths, format)}
+CHECKS = {f.__name__: f for f in (arrows, subroom_arrows, private_headers, private_namespaces, program_sources,
+                                  folders, lengths, spelling, license, vendor_headers, line_length, paths,
+                                  format)}
 
 
 def main():

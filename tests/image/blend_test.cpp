@@ -7,13 +7,15 @@
 #include <random>
 #include <vector>
 
-#include "blend_kernels.hpp"
+#include "image/blend_kernels.hpp"
 #include "sightline/base/cpu.hpp"
 #include "sightline/image/convert.hpp"
-#include "sightline/image/picture.hpp"
+#include "sightline/image/image.hpp"
 
 namespace sightline {
 namespace {
+
+using namespace image;
 
 using Bytes = std::vector<uint8_t>;
 
@@ -111,13 +113,13 @@ TEST(BlendTile, EqualsTheReferenceWhereverTheTileLies) {
     for (const int x : {-200, -38, -2, 0, 30, 90, 96, 98, 1 << 30, -(1 << 30)}) {
       for (const int y : {-64, -18, 0, 20, 40, 42}) {
         const Tile tile(x, y, 70, 30, random);
-        Picture frame(w, h), expected(w, h);
+        Image frame(w, h), expected(w, h);
         const MutableI420View view = frame.mutable_view(), slow = expected.mutable_view();
         for (const auto& plane : {view.y, view.u, view.v}) fill_randomly(plane, random);
         copy_i420(frame.view(), slow);
         // NV12 with the same content.
         Bytes pairs(static_cast<size_t>(2 * view.u.width * view.u.height));
-        Picture luma(w, h);
+        Image luma(w, h);
         copy_i420(frame.view(), luma.mutable_view());
         const MutableNv12View nv12{
             luma.mutable_view().y,
@@ -151,7 +153,7 @@ TEST(BlendTile, EqualsTheReferenceWhereverTheTileLies) {
 TEST(BlendTile, TransparentChangesNothingAndOpaqueReplaces) {
   std::mt19937 random(7);
   Tile tile(0, 0, 64, 32, random);
-  Picture frame(64, 32), before(64, 32);
+  Image frame(64, 32), before(64, 32);
   fill_randomly(frame.mutable_view().y, random);
   copy_i420(frame.view(), before.mutable_view());
   Tile clear = tile;
@@ -173,7 +175,7 @@ TEST(BlendTile, TransparentChangesNothingAndOpaqueReplaces) {
 TEST(BlendTileDeathTest, OddPositionsAreABug) {
   std::mt19937 random(1);
   const Tile tile(1, 0, 2, 2, random);
-  Picture frame(8, 8);
+  Image frame(8, 8);
   EXPECT_DEATH(blend_tile(tile.view, frame.mutable_view()), "even");
 }
 

@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "sightline/image/picture.hpp"
+#include "sightline/image/image.hpp"
 
 namespace sightline {
 namespace {
@@ -23,7 +23,7 @@ Bytes random_bytes(size_t n, uint32_t seed = 1) {
 }
 
 size_t needed(PixelFormat format, int width, int height, ptrdiff_t stride = 0) {
-  auto bytes = raw_picture_bytes(format, width, height, stride);
+  auto bytes = raw_image_bytes(format, width, height, stride);
   EXPECT_TRUE(bytes.has_value());
   return *bytes;
 }
@@ -42,7 +42,7 @@ TEST(RawToI420, CopiesI420AndSplitsNv12) {
       const ptrdiff_t pair_row = stride ? stride : 2 * cw;
       const Bytes planar = random_bytes(needed(PixelFormat::kI420, w, h, stride));
       const Bytes pairs = random_bytes(needed(PixelFormat::kNv12, w, h, stride), 2);
-      Picture a(w, h), b(w, h);
+      Image a(w, h), b(w, h);
       ASSERT_TRUE(raw_to_i420(PixelFormat::kI420, planar, stride, a.mutable_view()));
       ASSERT_TRUE(raw_to_i420(PixelFormat::kNv12, pairs, stride, b.mutable_view()));
       for (int y = 0; y < h; ++y) {
@@ -72,32 +72,32 @@ TEST(RawToI420, PacksOf422KeepLumaAndAverageChromaOfTwoRows) {
       const ptrdiff_t row = 4 * ((w + 1) / 2);
       const Bytes bytes = random_bytes(needed(format, w, h));
       ASSERT_EQ(bytes.size(), static_cast<size_t>(row * h));
-      Picture picture(w, h);
-      ASSERT_TRUE(raw_to_i420(format, bytes, 0, picture.mutable_view()));
+      Image image(w, h);
+      ASSERT_TRUE(raw_to_i420(format, bytes, 0, image.mutable_view()));
       const auto byte = [&](int y, int x) { return bytes[static_cast<size_t>(y * row + x)]; };
       for (int y = 0; y < h; ++y) {
         for (int x = 0; x < w; ++x) {
-          ASSERT_EQ(picture.view().y.row(y)[x], byte(y, 2 * x + (yuyv ? 0 : 1)));
+          ASSERT_EQ(image.view().y.row(y)[x], byte(y, 2 * x + (yuyv ? 0 : 1)));
         }
       }
       for (int y = 0; y < h; y += 2) {
         const int y2 = std::min(y + 1, h - 1);
         for (int x = 0; x < (w + 1) / 2; ++x) {
           const int u = 4 * x + (yuyv ? 1 : 0), v = u + 2;
-          ASSERT_NEAR(picture.view().u.row(y / 2)[x], (byte(y, u) + byte(y2, u)) / 2.0, 0.51);
-          ASSERT_NEAR(picture.view().v.row(y / 2)[x], (byte(y, v) + byte(y2, v)) / 2.0, 0.51);
+          ASSERT_NEAR(image.view().u.row(y / 2)[x], (byte(y, u) + byte(y2, u)) / 2.0, 0.51);
+          ASSERT_NEAR(image.view().v.row(y / 2)[x], (byte(y, v) + byte(y2, v)) / 2.0, 0.51);
         }
       }
     }
   }
 }
 
-TEST(RawToI420, GreyIsCompressedIntoVideoRange) {
+TEST(RawToI420, GrayIsCompressedIntoVideoRange) {
   struct Case {
     PixelFormat format;
     int bits;
   };
-  for (const auto [format, bits] : {Case{PixelFormat::kGrey, 8}, Case{PixelFormat::kY10, 10},
+  for (const auto [format, bits] : {Case{PixelFormat::kGray, 8}, Case{PixelFormat::kY10, 10},
                                     Case{PixelFormat::kY12, 12}, Case{PixelFormat::kY16, 16}}) {
     const int w = 37, h = 9, bytes_per_pixel = bits == 8 ? 1 : 2;
     const ptrdiff_t stride = w * bytes_per_pixel + 3;  // odd: 16-bit values lie unaligned
@@ -109,25 +109,25 @@ TEST(RawToI420, GreyIsCompressedIntoVideoRange) {
         if (bits > 8) p[1] = static_cast<uint8_t>(p[1] & ((limit - 1) >> 8));
       }
     }
-    Picture picture(w, h);
-    ASSERT_TRUE(raw_to_i420(format, bytes, stride, picture.mutable_view()));
+    Image image(w, h);
+    ASSERT_TRUE(raw_to_i420(format, bytes, stride, image.mutable_view()));
     for (int y = 0; y < h; ++y) {
       for (int x = 0; x < w; ++x) {
         const uint8_t* p = &bytes[static_cast<size_t>(y * stride + x * bytes_per_pixel)];
         const int value = (bits == 8 ? p[0] : p[0] | p[1] << 8) >> (bits - 8);
-        ASSERT_EQ(picture.view().y.row(y)[x], std::lround(16 + value * 219.0 / 255.0));
+        ASSERT_EQ(image.view().y.row(y)[x], std::lround(16 + value * 219.0 / 255.0));
       }
     }
-    EXPECT_EQ(picture.view().u.row(h / 2)[w / 2], 128);
-    EXPECT_EQ(picture.view().v.row(0)[0], 128);
+    EXPECT_EQ(image.view().u.row(h / 2)[w / 2], 128);
+    EXPECT_EQ(image.view().v.row(0)[0], 128);
   }
 }
 
 TEST(RawToI420, StrayHighBitsSaturate) {
   const Bytes bytes{0xff, 0xff};
-  Picture picture(1, 1);
-  ASSERT_TRUE(raw_to_i420(PixelFormat::kY10, bytes, 0, picture.mutable_view()));
-  EXPECT_EQ(picture.view().y.data[0], 235);
+  Image image(1, 1);
+  ASSERT_TRUE(raw_to_i420(PixelFormat::kY10, bytes, 0, image.mutable_view()));
+  EXPECT_EQ(image.view().y.data[0], 235);
 }
 
 TEST(RawToI420, RgbFollowsBt601AndTheByteOrder) {
@@ -144,48 +144,48 @@ TEST(RawToI420, RgbFollowsBt601AndTheByteOrder) {
   const double v = 128 + (112.0 * 200 - 93.786 * 40 - 18.214 * 90) / 255;
   for (const auto& [format, bytes] :
        {std::pair{PixelFormat::kRgb24, rgb}, {PixelFormat::kBgr24, bgr}}) {
-    Picture picture(w, h);
-    ASSERT_TRUE(raw_to_i420(format, bytes, 0, picture.mutable_view()));
-    EXPECT_NEAR(picture.view().y.row(h - 1)[w - 1], y, 1.5);
-    EXPECT_NEAR(picture.view().u.row(1)[3], u, 1.5);
-    EXPECT_NEAR(picture.view().v.row(1)[3], v, 1.5);
+    Image image(w, h);
+    ASSERT_TRUE(raw_to_i420(format, bytes, 0, image.mutable_view()));
+    EXPECT_NEAR(image.view().y.row(h - 1)[w - 1], y, 1.5);
+    EXPECT_NEAR(image.view().u.row(1)[3], u, 1.5);
+    EXPECT_NEAR(image.view().v.row(1)[3], v, 1.5);
     Bytes back(rgb.size());
-    i420_to_rgb(picture.view(), back.data());
+    i420_to_rgb(image.view(), back.data());
     for (size_t i = 0; i < rgb.size(); ++i) ASSERT_NEAR(back[i], rgb[i], 3);
   }
 }
 
 TEST(RawToI420, RefusesWhatCannotBe) {
-  Picture picture(16, 8);
+  Image image(16, 8);
   for (const PixelFormat format :
        {PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kYuyv, PixelFormat::kUyvy,
-        PixelFormat::kGrey, PixelFormat::kY10, PixelFormat::kRgb24}) {
+        PixelFormat::kGray, PixelFormat::kY10, PixelFormat::kRgb24}) {
     Bytes bytes = random_bytes(needed(format, 16, 8));
-    EXPECT_TRUE(raw_to_i420(format, bytes, 0, picture.mutable_view())) << to_string(format);
+    EXPECT_TRUE(raw_to_i420(format, bytes, 0, image.mutable_view())) << to_string(format);
     bytes.pop_back();
-    const Status status = raw_to_i420(format, bytes, 0, picture.mutable_view());
+    const Status status = raw_to_i420(format, bytes, 0, image.mutable_view());
     ASSERT_FALSE(status.has_value()) << to_string(format);
     EXPECT_EQ(status.error().code, ErrorCode::kDamaged);
-    EXPECT_FALSE(raw_to_i420(format, bytes, 15, picture.mutable_view()));
-    EXPECT_FALSE(raw_to_i420(format, bytes, -16, picture.mutable_view()));
+    EXPECT_FALSE(raw_to_i420(format, bytes, 15, image.mutable_view()));
+    EXPECT_FALSE(raw_to_i420(format, bytes, -16, image.mutable_view()));
   }
   for (const PixelFormat format : {PixelFormat::kMjpeg, PixelFormat::kH264}) {
-    const Status status = raw_to_i420(format, Bytes(1000), 0, picture.mutable_view());
+    const Status status = raw_to_i420(format, Bytes(1000), 0, image.mutable_view());
     ASSERT_FALSE(status.has_value());
     EXPECT_NE(status.error().text.find("decoder"), std::string::npos);
   }
-  EXPECT_FALSE(raw_picture_bytes(PixelFormat::kGrey, 0, 1, 0).has_value());
-  EXPECT_FALSE(raw_picture_bytes(PixelFormat::kGrey, 1, 40000, 0).has_value());
+  EXPECT_FALSE(raw_image_bytes(PixelFormat::kGray, 0, 1, 0).has_value());
+  EXPECT_FALSE(raw_image_bytes(PixelFormat::kGray, 1, 40000, 0).has_value());
 }
 
 TEST(HalvePlane, IsTheRoundedMeanOfTwoByTwo) {
   for (const auto [w, h] : kSizes) {
-    Picture from(w, h);
+    Image from(w, h);
     const Bytes noise = random_bytes(static_cast<size_t>(w * h));
     for (int y = 0; y < h; ++y) {
       std::copy_n(&noise[static_cast<size_t>(y * w)], w, from.mutable_view().y.row(y));
     }
-    Picture to(std::max(1, w / 2), std::max(1, h / 2));
+    Image to(std::max(1, w / 2), std::max(1, h / 2));
     MutablePlaneView half = to.mutable_view().y;
     half.width = w / 2;
     half.height = h / 2;
@@ -201,7 +201,7 @@ TEST(HalvePlane, IsTheRoundedMeanOfTwoByTwo) {
 }
 
 TEST(CopyI420, CopiesOddSizes) {
-  Picture from(7, 5), to(7, 5);
+  Image from(7, 5), to(7, 5);
   from.mutable_view().y.row(4)[6] = 99;
   from.mutable_view().v.row(2)[3] = 98;
   copy_i420(from.view(), to.mutable_view());

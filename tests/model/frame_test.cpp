@@ -38,7 +38,7 @@ FramePayload payload_of(size_t bytes, std::shared_ptr<bool> gone) {
 
 TEST(Frame, GivesThePayloadBackWithTheLastReference) {
   auto gone = std::make_shared<bool>(false);
-  auto pool = std::make_shared<PicturePool>(8, 6);
+  auto pool = std::make_shared<ImagePool>(8, 6);
   FramePtr frame = Frame::raw(info_of(PixelFormat::kYuyv, 8, 6), payload_of(96, gone), pool);
   FramePtr second = frame;
   frame.reset();
@@ -50,62 +50,62 @@ TEST(Frame, GivesThePayloadBackWithTheLastReference) {
 
 TEST(Frame, ConvertsOnceOnDemand) {
   auto gone = std::make_shared<bool>(false);
-  auto pool = std::make_shared<PicturePool>(8, 6);
+  auto pool = std::make_shared<ImagePool>(8, 6);
   const FramePtr frame = Frame::raw(info_of(PixelFormat::kYuyv, 8, 6), payload_of(96, gone), pool);
   EXPECT_EQ(pool->allocated(), 0u);
   const I420View view = frame->i420();
   EXPECT_EQ(view.y.row(0)[1], 2);
   EXPECT_EQ(frame->i420().y.data, view.y.data);
-  EXPECT_EQ(frame->grey().data, view.y.data);
-  const PlaneView half = frame->half_grey();
+  EXPECT_EQ(frame->gray().data, view.y.data);
+  const PlaneView half = frame->half_gray();
   EXPECT_EQ(half.width, 4);
   EXPECT_EQ(half.height, 3);
-  EXPECT_EQ(frame->half_grey().data, half.data);
+  EXPECT_EQ(frame->half_gray().data, half.data);
   EXPECT_EQ(pool->allocated(), 2u);
   EXPECT_EQ(half.row(0)[0], (0 + 2 + 16 + 18 + 2) / 4);
 }
 
 TEST(Frame, CopiesStraightFromTheCamerasBytes) {
-  const auto luma_sum = [](const Picture& picture) {
+  const auto luma_sum = [](const Image& image) {
     unsigned sum = 0;
-    for (int y = 0; y < picture.height(); ++y) {
-      for (int x = 0; x < picture.width(); ++x) sum = sum * 31 + picture.view().y.row(y)[x];
+    for (int y = 0; y < image.height(); ++y) {
+      for (int x = 0; x < image.width(); ++x) sum = sum * 31 + image.view().y.row(y)[x];
     }
     return sum;
   };
-  for (const PixelFormat format : {PixelFormat::kYuyv, PixelFormat::kI420, PixelFormat::kGrey}) {
+  for (const PixelFormat format : {PixelFormat::kYuyv, PixelFormat::kI420, PixelFormat::kGray}) {
     auto gone = std::make_shared<bool>(false);
-    auto pool = std::make_shared<PicturePool>(8, 6);
+    auto pool = std::make_shared<ImagePool>(8, 6);
     const FramePtr frame = Frame::raw(info_of(format, 8, 6),
-                                      payload_of(*raw_picture_bytes(format, 8, 6, 0), gone), pool);
-    Picture straight(8, 6), shared(8, 6);
+                                      payload_of(*raw_image_bytes(format, 8, 6, 0), gone), pool);
+    Image straight(8, 6), shared(8, 6);
     frame->copy_i420_to(straight.mutable_view());
     EXPECT_EQ(pool->allocated(), 0u);
     copy_i420(frame->i420(), shared.mutable_view());
     EXPECT_EQ(luma_sum(straight), luma_sum(shared));
-    Picture again(8, 6);
+    Image again(8, 6);
     frame->copy_i420_to(again.mutable_view());
     EXPECT_EQ(luma_sum(again), luma_sum(shared));
   }
 }
 
-TEST(Frame, GreyOfPlanarPayloadsIsThePayload) {
-  for (const PixelFormat format : {PixelFormat::kGrey, PixelFormat::kI420, PixelFormat::kNv12}) {
+TEST(Frame, GrayOfPlanarPayloadsIsThePayload) {
+  for (const PixelFormat format : {PixelFormat::kGray, PixelFormat::kI420, PixelFormat::kNv12}) {
     auto gone = std::make_shared<bool>(false);
-    auto pool = std::make_shared<PicturePool>(9, 7);
+    auto pool = std::make_shared<ImagePool>(9, 7);
     const FramePtr frame = Frame::raw(info_of(format, 9, 7),
-                                      payload_of(*raw_picture_bytes(format, 9, 7, 0), gone), pool);
-    EXPECT_EQ(frame->grey().data, frame->payload().bytes.data());
-    EXPECT_EQ(frame->grey().stride, 9);
+                                      payload_of(*raw_image_bytes(format, 9, 7, 0), gone), pool);
+    EXPECT_EQ(frame->gray().data, frame->payload().bytes.data());
+    EXPECT_EQ(frame->gray().stride, 9);
     frame->i420();
-    EXPECT_EQ(frame->grey().data, frame->payload().bytes.data());
-    EXPECT_EQ(frame->half_grey().width, 4);
+    EXPECT_EQ(frame->gray().data, frame->payload().bytes.data());
+    EXPECT_EQ(frame->half_gray().width, 4);
   }
 }
 
 TEST(Frame, I420PayloadsAreNotCopied) {
   auto gone = std::make_shared<bool>(false);
-  auto pool = std::make_shared<PicturePool>(9, 7);
+  auto pool = std::make_shared<ImagePool>(9, 7);
   const FramePtr frame =
       Frame::raw(info_of(PixelFormat::kI420, 9, 7), payload_of(9 * 7 + 2 * 5 * 4, gone), pool);
   const I420View view = frame->i420();
@@ -116,32 +116,32 @@ TEST(Frame, I420PayloadsAreNotCopied) {
   EXPECT_EQ(pool->allocated(), 0u);
 }
 
-TEST(Frame, DecodedFramesShareTheirPicture) {
-  auto picture = std::make_shared<Picture>(6, 4);
-  picture->mutable_view().y.row(0)[0] = 56;
-  const FramePtr frame = Frame::decoded(info_of(PixelFormat::kH264, 6, 4), picture);
-  EXPECT_EQ(frame->i420().y.data, picture->view().y.data);
-  EXPECT_EQ(frame->grey().data, picture->view().y.data);
-  EXPECT_EQ(frame->half_grey().row(0)[0], (56 + 3 * 16 + 2) / 4);
-  auto pool = std::make_shared<PicturePool>(6, 4);
-  const FramePtr pooled = Frame::decoded(info_of(PixelFormat::kH264, 6, 4), picture, {}, pool);
-  EXPECT_EQ(pooled->half_grey().row(0)[0], (56 + 3 * 16 + 2) / 4);
+TEST(Frame, DecodedFramesShareTheirImage) {
+  auto image = std::make_shared<Image>(6, 4);
+  image->mutable_view().y.row(0)[0] = 56;
+  const FramePtr frame = Frame::decoded(info_of(PixelFormat::kH264, 6, 4), image);
+  EXPECT_EQ(frame->i420().y.data, image->view().y.data);
+  EXPECT_EQ(frame->gray().data, image->view().y.data);
+  EXPECT_EQ(frame->half_gray().row(0)[0], (56 + 3 * 16 + 2) / 4);
+  auto pool = std::make_shared<ImagePool>(6, 4);
+  const FramePtr pooled = Frame::decoded(info_of(PixelFormat::kH264, 6, 4), image, {}, pool);
+  EXPECT_EQ(pooled->half_gray().row(0)[0], (56 + 3 * 16 + 2) / 4);
   EXPECT_EQ(pool->allocated(), 1u);
 }
 
 TEST(Frame, ManyThreadsSeeTheSameViews) {
   for (int round = 0; round < 20; ++round) {
     auto gone = std::make_shared<bool>(false);
-    auto pool = std::make_shared<PicturePool>(64, 48);
+    auto pool = std::make_shared<ImagePool>(64, 48);
     const FramePtr frame =
         Frame::raw(info_of(PixelFormat::kNv12, 64, 48), payload_of(64 * 72, gone), pool);
     std::vector<std::thread> threads;
     std::atomic<int> wrong{0};
     for (int i = 0; i < 4; ++i) {
       threads.emplace_back([&] {
-        const PlaneView half = frame->half_grey();
+        const PlaneView half = frame->half_gray();
         const I420View view = frame->i420();
-        if (frame->half_grey().data != half.data || frame->i420().u.data != view.u.data) ++wrong;
+        if (frame->half_gray().data != half.data || frame->i420().u.data != view.u.data) ++wrong;
       });
     }
     for (auto& thread : threads) thread.join();
@@ -152,13 +152,13 @@ TEST(Frame, ManyThreadsSeeTheSameViews) {
 
 TEST(Frame, TooSmallToHalve) {
   const FramePtr frame =
-      Frame::decoded(info_of(PixelFormat::kI420, 1, 9), std::make_shared<Picture>(1, 9));
-  EXPECT_EQ(frame->half_grey().data, nullptr);
+      Frame::decoded(info_of(PixelFormat::kI420, 1, 9), std::make_shared<Image>(1, 9));
+  EXPECT_EQ(frame->half_gray().data, nullptr);
 }
 
 TEST(FrameDeathTest, ShortPayloadsAreTheSourcesBug) {
   auto gone = std::make_shared<bool>(false);
-  auto pool = std::make_shared<PicturePool>(8, 6);
+  auto pool = std::make_shared<ImagePool>(8, 6);
   EXPECT_DEATH(Frame::raw(info_of(PixelFormat::kYuyv, 8, 6), payload_of(95, gone), pool), "small");
   EXPECT_DEATH(Frame::raw(info_of(PixelFormat::kMjpeg, 8, 6), payload_of(95, gone), pool), "raw");
 }

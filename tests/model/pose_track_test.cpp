@@ -155,14 +155,14 @@ TEST(PoseTrack, InterpolatesAlongAConstantTwist) {
     EXPECT_EQ(pose.estimate.time, at_ms(ms));
     EXPECT_EQ(pose.estimate.last_measured, a.last_measured);
     EXPECT_EQ(pose.estimate.cameras, 0u);
-    // Between the neighbours, also as matrices.
+    // Between the neighbors, also as matrices.
     EXPECT_GE(pose.estimate.sigma_translation(), a.sigma_translation() * (1 - 1e-9));
     EXPECT_LE(pose.estimate.sigma_translation(), b.sigma_translation() * (1 + 1e-9));
     EXPECT_GT(smallest_eigenvalue(pose.estimate.covariance), 0);
   }
 }
 
-TEST(PoseTrack, TheWeakerNeighbourNamesTheState) {
+TEST(PoseTrack, TheWeakerNeighborNamesTheState) {
   const auto state_between = [](TrackState a, TrackState b) {
     const PoseTrack track(ObjectId(1), {estimate_at(0, a), estimate_at(40, b)}, {});
     return track.at(at_ms(20));
@@ -215,15 +215,6 @@ TEST(PoseTrack, StatesAreNamedAsInThePoseLog) {
   EXPECT_EQ(to_string(TrackState::kDegraded), "degraded");
   EXPECT_EQ(to_string(TrackState::kCoasting), "coasting");
   EXPECT_EQ(to_string(TrackState::kLost), "lost");
-}
-
-TEST(TrackSlot, HandsTheNewestOver) {
-  TrackSlot slot;
-  EXPECT_EQ(slot.read(), nullptr);
-  const auto track =
-      std::make_shared<const PoseTrack>(ObjectId(1), std::vector<PoseEstimate>{}, MotionNoise{});
-  slot.publish(track);
-  EXPECT_EQ(slot.read(), track);
 }
 
 }  // namespace

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "sightline/observe/background_model.hpp"
+#include "sightline/observe/scene/background_model.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <functional>
 
-#include "mesh_depth_renderer.hpp"
+#include "sightline/pipeline/mesh_depth_renderer.hpp"
 #include "support/allocations.hpp"
 #include "support/random.hpp"
 #include "support/scene_shapes.hpp"
@@ -28,7 +28,7 @@ CalibratedCamera camera() {
   return {"left", CameraModel::create(lens, "test").value(), Rigid3()};
 }
 
-// A stained room and a grey-green block in it, in a light.
+// A stained room and a gray-green block in it, in a light.
 struct Scene {
   double light = 1;
   uint64_t room = 1;
@@ -39,9 +39,9 @@ struct Scene {
 };
 
 FramePtr shoot(const Scene& scene, int index, FrameStatus status = FrameStatus::kGood) {
-  auto picture = std::make_shared<Picture>(kWidth, kHeight);
+  auto image = std::make_shared<Image>(kWidth, kHeight);
   Random random(static_cast<uint64_t>(index) + 77);
-  const MutableI420View view = picture->mutable_view();
+  const MutableI420View view = image->mutable_view();
   const auto inside = [&](int left, int x, int y) {
     return left >= 0 && x >= left && x < left + scene.size && y >= scene.top &&
            y < scene.top + scene.size;
@@ -72,7 +72,7 @@ FramePtr shoot(const Scene& scene, int index, FrameStatus status = FrameStatus::
   info.width = kWidth;
   info.height = kHeight;
   info.capture = Time(1s) + index * 33ms;
-  return Frame::decoded(info, std::move(picture));
+  return Frame::decoded(info, std::move(image));
 }
 
 struct Overlap {
@@ -181,7 +181,7 @@ TEST_F(Background, AKnownObjectIsNeverLearned) {
   const TriangleMesh mesh = make_carton();
   ViewpointModelOptions options;
   options.subdivisions = 1;
-  options.picture_px = 120;
+  options.image_px = 120;
   const auto render_mesh = std::make_shared<const RenderMesh>(make_render_mesh(mesh));
   const auto views =
       ViewpointModel::build(mesh, mesh_depth_renderer_factory(render_mesh), options).value();
@@ -203,7 +203,7 @@ TEST_F(Background, IgnoresWhatItCannotUse) {
   model_->learn(*shoot({.room = 3}, next_, FrameStatus::kDamaged), {});
   FrameInfo small = shoot({}, next_)->info();
   small.width = small.height = 64;
-  const FramePtr other = Frame::decoded(small, std::make_shared<Picture>(64, 64));
+  const FramePtr other = Frame::decoded(small, std::make_shared<Image>(64, 64));
   model_->learn(*other, {});
   EXPECT_FALSE(model_->foreground(*other, {}, map_));
   EXPECT_TRUE(model_->foreground(*shoot({}, next_), {}, map_));
@@ -215,7 +215,7 @@ TEST_F(Background, AllocatesNothingPerFrame) {
   std::vector<FramePtr> frames;
   for (int i = 0; i < 4; ++i) {
     frames.push_back(shoot({.left = 100}, next_++));
-    frames.back()->half_grey();
+    frames.back()->half_gray();
   }
   model_->foreground(*frames[0], {}, map_);
   const size_t before = allocations();

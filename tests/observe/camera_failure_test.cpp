@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// One camera goes wrong: its light, its place, its view. Rendered pictures, known truth.
+// One camera goes wrong: its light, its place, its view. Rendered images, known truth.
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <numbers>
 
-#include "mesh_depth_renderer.hpp"
 #include "sightline/fuse/estimator.hpp"
-#include "sightline/observe/lookalikes.hpp"
-#include "sightline/observe/object_tracker.hpp"
+#include "sightline/observe/shape/shape_symmetry.hpp"
+#include "sightline/observe/track/object_tracker.hpp"
+#include "sightline/pipeline/mesh_depth_renderer.hpp"
 #include "support/scene_rig.hpp"
 #include "support/scene_shapes.hpp"
 
@@ -26,9 +26,9 @@ TrackedObject tracked(const TriangleMesh& mesh) {
   const auto prepared = std::make_shared<const RenderMesh>(make_render_mesh(mesh));
   const auto factory = mesh_depth_renderer_factory(prepared);
   ViewpointModelOptions options;
-  options.picture_px = 240;
+  options.image_px = 240;
   const auto views = ViewpointModel::build(mesh, factory, options).value();
-  return {ObjectId(0), views, {false, true, true, true}, factory, lookalikes_of(*views, {}),
+  return {ObjectId(0), views, {false, true, true, true}, factory, shape_symmetry_of(*views, {}),
           nullptr};
 }
 
@@ -53,17 +53,18 @@ struct Step {
   PoseEstimate estimate;
   CameraSet accepted = 0, gated = 0;
   double mm = 0, deg = 0;
-  std::vector<ObjectTracker::Look> looks;
+  std::vector<ObjectTracker::TrackResult> results;
 };
 
-/// Cameras as calibrated in `rig`, started at the truth; `picture` may show something else.
+/// Cameras as calibrated in `rig`, started at the truth; `image` may show something else.
 std::vector<Step> follow(const SceneRig& rig, const TrackedObject& object,
-                         const std::function<FramePtr(const SceneShot&)>& picture) {
+                         const std::function<FramePtr(const SceneShot&)>& image) {
   std::vector<std::unique_ptr<ObjectTracker>> trackers;
   for (uint32_t i = 0; i < rig.cameras().size(); ++i) {
     trackers.push_back(ObjectTracker::create(rig.cameras()[i], CameraId(i), {object}).value());
   }
-  ObjectEstimator estimator = ObjectEstimator::create({}, ObjectId(0), object.lookalikes).value();
+  ObjectEstimator estimator =
+      ObjectEstimator::create({}, ObjectId(0), object.shape_symmetry).value();
   std::vector<Step> steps;
   for (const auto& set : rig.sets()) {
     const PoseTrackPtr track = estimator.track();
@@ -72,7 +73,7 @@ std::vector<Step> follow(const SceneRig& rig, const TrackedObject& object,
     Step step;
     for (const SceneShot& shot : set) {
       ObjectTracker& tracker = *trackers[static_cast<size_t>(shot.camera)];
-      const FramePtr frame = picture(shot);
+      const FramePtr frame = image(shot);
       if (!steps.empty()) {
         tracker.step(*frame, {&track, 1}, observations);
       } else {
@@ -80,7 +81,7 @@ std::vector<Step> follow(const SceneRig& rig, const TrackedObject& object,
         covariance.diagonal().tail<3>().setConstant(0.002 * 0.002);
         observations.push_back(tracker.propose(*frame, ObjectId(0), truth, covariance));
       }
-      step.looks.push_back(tracker.last_look(0));
+      step.results.push_back(tracker.last_result(0));
     }
     const UpdateReport report = estimator.process(observations);
     step.age = set.front().true_capture - rig.options().start;
@@ -103,7 +104,7 @@ bool wrong_claim(const Step& step) {
   return step.estimate.state == TrackState::kTracking && (step.mm > 20 || step.deg > 10);
 }
 
-TEST(CameraFailure, ACameraWhoseColoursAreNoLongerTrueComesBack) {
+TEST(CameraFailure, ACameraWhoseColorsAreNoLongerTrueComesBack) {
   SceneRigOptions options = options_of({-30, 30}, 1500ms);
   const SceneRig rig(options);
   // From then on one camera shows brown as blue.
@@ -131,7 +132,7 @@ TEST(CameraFailure, ACameraThatHangsIsOutvoted) {
   const auto steps = follow(rig, creature(), [&](const SceneShot& shot) -> FramePtr {
     if (shot.camera != 2 || shot.true_capture - options.start < 400ms) return rig.shoot(shot);
     if (!stuck) stuck = shot;
-    SceneShot shown = shot;  // the old picture with a new stamp
+    SceneShot shown = shot;  // the old image with a new stamp
     shown.true_capture = stuck->true_capture;
     return rig.shoot(shown);
   });
@@ -200,7 +201,7 @@ TEST(CameraFailure, ACoveredCameraCostsDepthAndSaysSo) {
 TEST(CameraFailure, ARoundThingFromOneSideIsWeakAboutItsAxis) {
   const TriangleMesh bottle = test::make_bottle(6000);
   const TrackedObject object = tracked(bottle);
-  ASSERT_TRUE(object.lookalikes.axis);
+  ASSERT_TRUE(object.shape_symmetry.axis);
   SceneRigOptions options = options_of({0}, 700ms);
   options.shape = std::make_shared<const test::RayMesh>(bottle);
   options.paint.color = {0.10f, 0.32f, 0.12f};
@@ -209,10 +210,10 @@ TEST(CameraFailure, ARoundThingFromOneSideIsWeakAboutItsAxis) {
   for (const Step& step :
        follow(rig, object, [&](const SceneShot& shot) { return rig.shoot(shot); })) {
     EXPECT_NE(step.estimate.state, TrackState::kTracking);
-    if ((step.estimate.doubts & kWeakRotation) == 0) continue;
+    if ((step.estimate.degraded_reasons & kWeakRotation) == 0) continue;
     EXPECT_GT(step.estimate.sigma_rotation(), 90 * kDeg);
     const Rigid3 truth = rig.truth(step.estimate.time);
-    const Eigen::Vector3d axis = truth.rotation * object.lookalikes.axis->direction;
+    const Eigen::Vector3d axis = truth.rotation * object.shape_symmetry.axis->direction;
     named += std::abs(step.estimate.weak_axis().dot(axis)) > std::cos(15 * kDeg) ? 1 : 0;
   }
   EXPECT_GE(named, 15);

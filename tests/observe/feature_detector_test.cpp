@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "sightline/observe/feature_detector.hpp"
+#include "sightline/observe/features/feature_detector.hpp"
 
 #include <gtest/gtest.h>
 
 #include <numbers>
 
-#include "mesh_depth_renderer.hpp"
-#include "sightline/observe/feature_teacher.hpp"
+#include "sightline/observe/detect/object_detector.hpp"
+#include "sightline/observe/features/feature_trainer.hpp"
+#include "sightline/pipeline/mesh_depth_renderer.hpp"
 #include "support/matchers.hpp"
 #include "support/scene_rig.hpp"
 #include "support/scene_shapes.hpp"
@@ -45,20 +46,20 @@ DepthRendererFactory depth_of(const TriangleMesh& mesh) {
   return mesh_depth_renderer_factory(std::make_shared<const RenderMesh>(make_render_mesh(mesh)));
 }
 
-FeatureModel taught(const SceneRig& rig, const DepthTile& scene = {}, size_t most = 100) {
+FeatureModel trained(const SceneRig& rig, const DepthTile& scene = {}, size_t max = 100) {
   const TriangleMesh& mesh = rig.options().shape->mesh();
-  FeatureTeacher teacher(mesh_content(mesh));
+  FeatureTrainer trainer(mesh_content(mesh));
   const auto depth = depth_of(mesh)(rig.cameras()[0].model);
   for (const test::SceneShot& shot : rig.shots()) {
-    if (most-- == 0) break;
-    teacher.teach(*rig.shoot(shot), rig.cameras()[static_cast<size_t>(shot.camera)],
+    if (max-- == 0) break;
+    trainer.train(*rig.shoot(shot), rig.cameras()[static_cast<size_t>(shot.camera)],
                   rig.truth(shot.true_capture), *depth, scene);
   }
-  return teacher.model();
+  return trainer.model();
 }
 
 const std::shared_ptr<const FeatureModel>& carton_model() {
-  static const auto model = std::make_shared<const FeatureModel>(taught(SceneRig(tumbling(1))));
+  static const auto model = std::make_shared<const FeatureModel>(trained(SceneRig(tumbling(1))));
   return model;
 }
 
@@ -66,7 +67,7 @@ const std::shared_ptr<const ViewpointModel>& carton_views() {
   static const std::shared_ptr<const ViewpointModel> views = [] {
     ViewpointModelOptions options;
     options.subdivisions = 2;
-    options.picture_px = 240;
+    options.image_px = 240;
     const TriangleMesh mesh = test::make_carton();
     return ViewpointModel::build(mesh, depth_of(mesh), options).value();
   }();
@@ -126,39 +127,39 @@ Found look_for_carton(const SceneRig& rig) {
   return out;
 }
 
-TEST(FeatureTeacher, PlacesLieOnTheSurface) {
+TEST(FeatureTrainer, PlacesLieOnTheSurface) {
   ASSERT_GT(carton_model()->features.size(), 500u);
-  for (const TaughtFeature& feature : carton_model()->features) {
+  for (const TrainedFeature& feature : carton_model()->features) {
     const Eigen::Array3f out =
         feature.point.array().abs() - Eigen::Array3f(0.055f, 0.035f, 0.0225f);
     ASSERT_LT(std::abs(out.maxCoeff()), 1e-3f);
   }
 }
 
-TEST(FeatureTeacher, LearnsNothingOfWhatStandsBeforeTheObject) {
+TEST(FeatureTrainer, LearnsNothingOfWhatStandsBeforeTheObject) {
   const SceneRig rig(tumbling(1));
   const CameraModel& camera = rig.cameras()[0].model;
   const auto pixels = static_cast<size_t>(camera.width()) * static_cast<size_t>(camera.height());
   const std::vector<float> wall(pixels, 1 / 0.2f);
   const DepthTile scene{0, 0, camera.width(), camera.height(), camera.width(), wall.data()};
-  EXPECT_GT(taught(rig, {}, 1).features.size(), 50u);
-  EXPECT_TRUE(taught(rig, scene, 1).features.empty());
+  EXPECT_GT(trained(rig, {}, 1).features.size(), 50u);
+  EXPECT_TRUE(trained(rig, scene, 1).features.empty());
 }
 
-TEST(FeatureTeacher, LeavesOutPicturesOfAnotherSize) {
+TEST(FeatureTrainer, LeavesOutImagesOfAnotherSize) {
   const SceneRig rig(tumbling(1));
   SceneRigOptions large = tumbling(1);
   large.lens.width = 800;
   const SceneRig other(large);
   const auto depth = depth_of(rig.options().shape->mesh())(rig.cameras()[0].model);
-  FeatureTeacher teacher(1);
+  FeatureTrainer trainer(1);
   const test::SceneShot shot = other.shots().front();
   EXPECT_EQ(
-      teacher.teach(*other.shoot(shot), rig.cameras()[0], rig.truth(shot.true_capture), *depth),
+      trainer.train(*other.shoot(shot), rig.cameras()[0], rig.truth(shot.true_capture), *depth),
       0u);
 }
 
-TEST(FeatureDetector, FindsWhatItWasTaughtInAnotherRoom) {
+TEST(FeatureDetector, FindsWhatItWasTrainedInAnotherRoom) {
   const Found found = look_for_carton(SceneRig(tumbling(5)));
   EXPECT_GE(found.found, found.looks * 3 / 4);
   EXPECT_EQ(found.wrong, 0u);
@@ -213,14 +214,14 @@ TEST(FeatureDetector, LooksAtEveryFrameOnceAndLeavesOutDamagedOnes) {
     finder->add_frame(CameraId(static_cast<uint32_t>(rig.shots()[i].camera)),
                       *rig.shoot(rig.shots()[i]));
   }
-  const Proposals first = finder->propose();
+  const PoseProposals first = finder->propose();
   EXPECT_FALSE(first.poses.empty());
   EXPECT_EQ(first.time, rig.shots()[1].stamp);
   EXPECT_TRUE(finder->propose().poses.empty());  // nothing new
   FrameInfo damaged = rig.info_of(rig.shots()[2]);
   damaged.status = FrameStatus::kDamaged;
-  const auto picture = std::make_shared<Picture>(damaged.width, damaged.height);
-  finder->add_frame(CameraId(0), *Frame::decoded(damaged, picture));
+  const auto image = std::make_shared<Image>(damaged.width, damaged.height);
+  finder->add_frame(CameraId(0), *Frame::decoded(damaged, image));
   EXPECT_TRUE(finder->propose().poses.empty());
 }
 
@@ -237,13 +238,13 @@ TEST(FeatureDetector, FollowsWhatItFound) {
   };
   const Rigid3 before = add(0);
   EXPECT_TRUE(finder->propose_near({}).poses.empty());
-  const Proposals first = finder->propose();
+  const PoseProposals first = finder->propose();
   ASSERT_FALSE(first.poses.empty());
   Detection found;
   found.time = first.time;
   found.poses.push_back({before, Vector6::Zero(), 1, 2});
   const Rigid3 after = add(1);
-  const Proposals next = finder->propose_near(found);
+  const PoseProposals next = finder->propose_near(found);
   ASSERT_FALSE(next.poses.empty());
   EXPECT_LT(rotation_angle(next.poses[0].world_from_object, after), 3 * kDegree);
   EXPECT_LT(translation_distance(next.poses[0].world_from_object, after), 0.01);
@@ -262,12 +263,12 @@ TEST(ObjectDetector, ProposalsAreJudgedByTheOutlineToo) {
     finder->add_frame(CameraId(static_cast<uint32_t>(rig.shots()[i].camera)), *frame);
     judge->add_frame(CameraId(static_cast<uint32_t>(rig.shots()[i].camera)), *frame);
   }
-  Proposals proposals = finder->propose();
+  PoseProposals proposals = finder->propose();
   ASSERT_FALSE(proposals.poses.empty());
   EXPECT_EQ(judge->judge(proposals).poses.size(), 1u);
   EXPECT_TRUE(judge->judge({}).poses.empty());
   // As sure of itself, but somewhere else.
-  Proposals wrong = proposals;
+  PoseProposals wrong = proposals;
   wrong.poses.resize(1);
   wrong.poses[0].world_from_object.translation += Eigen::Vector3d(0.1, 0.1, 0.05);
   EXPECT_TRUE(judge->judge(wrong).poses.empty());
@@ -281,11 +282,12 @@ TEST(ObjectDetector, ProposalsAreJudgedByTheOutlineToo) {
 TEST(FeatureDetector, RefusesWhatCannotBe) {
   const SceneRig rig(tumbling(1));
   auto model = std::make_shared<FeatureModel>();
-  EXPECT_THAT(FeatureDetector::create(model, cameras_of(rig)), FailsWith("was taught no features"));
+  EXPECT_THAT(FeatureDetector::create(model, cameras_of(rig)),
+              FailsWith("has no trained features"));
   model->features.resize(3);
   EXPECT_THAT(FeatureDetector::create(model, {}), FailsWith("has no camera"));
   FeatureDetectorOptions wrong;
-  wrong.per_picture = 1;
+  wrong.match.per_image = 1;
   EXPECT_THAT(FeatureDetector::create(model, cameras_of(rig), wrong), FailsWith("out of range"));
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "sightline/observe/feature_model.hpp"
+#include "sightline/observe/features/feature_model.hpp"
 
 #include <gtest/gtest.h>
 
@@ -20,7 +20,7 @@ FeatureModel some_model() {
   FeatureModel model;
   model.mesh = 0x1234;
   for (int i = 0; i < 20; ++i) {
-    TaughtFeature feature;
+    TrainedFeature feature;
     feature.point = (0.05 * random.normal<3>()).cast<float>();
     feature.view = random.normal<3>().normalized().cast<float>();
     for (uint8_t& byte : feature.descriptor) byte = static_cast<uint8_t>(random.bits());
@@ -57,7 +57,7 @@ TEST(FeatureModel, EveryDamageIsNamed) {
   for (size_t i = 8; i < whole.size(); ++i) {
     std::string altered = whole;
     altered[i] = static_cast<char>(altered[i] ^ 0x40);
-    EXPECT_THAT(parse_feature_model(altered, "a.feat"), FailsWith("teach the object again")) << i;
+    EXPECT_THAT(parse_feature_model(altered, "a.feat"), FailsWith("train the object again")) << i;
   }
   EXPECT_THAT(parse_feature_model(whole + "x", "a.feat"), FailsWith("bytes"));
   FeatureModel nowhere = some_model();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "sightline/observe/fiducial_observer.hpp"
+#include "sightline/observe/fiducial/fiducial_observer.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +10,7 @@
 #include <random>
 
 #include "print_scene.hpp"
-#include "sightline/observe/corner_term.hpp"
+#include "sightline/observe/terms/reprojection_term.hpp"
 #include "support/matchers.hpp"
 
 namespace sightline {
@@ -55,7 +55,7 @@ std::unique_ptr<FiducialObserver> make_observer(const CalibratedCamera& camera,
 }
 
 /// A pose of a print facing the camera at the world's origin: `tilt` away from frontal about an
-/// axis in the print, `turn` in the picture.
+/// axis in the print, `turn` in the image.
 Rigid3 facing(double tilt, double axis, double turn, const Eigen::Vector3d& at) {
   const Eigen::Quaterniond front(0, 1, 0, 0);  // y up, z towards the camera
   const Eigen::Quaterniond tilted(
@@ -97,8 +97,8 @@ Observation look(FiducialObserver& observer, const Frame& frame, PoseTrackPtr tr
   return out.empty() ? Observation{} : out.front();
 }
 
-const CornerTerm& corners_of(const Observation& observation) {
-  return dynamic_cast<const CornerTerm&>(*observation.terms.at(0));
+const ReprojectionTerm& corners_of(const Observation& observation) {
+  return dynamic_cast<const ReprojectionTerm&>(*observation.terms.at(0));
 }
 
 PoseTrackPtr track_at(const Rigid3& pose, TrackState state, double sigma_m = 1e-3) {
@@ -115,15 +115,15 @@ PoseTrackPtr track_at(const Rigid3& pose, TrackState state, double sigma_m = 1e-
 
 /// Statistics of many looks at known poses.
 struct Study {
-  double radial = 0;  ///< mean of errors away from the marker's centre [px]
+  double radial = 0;  ///< mean of errors away from the marker's center [px]
   double rms = 0;     ///< of one coordinate [px]
-  double chi2 = 0;    ///< mean square of normalised residuals
+  double chi2 = 0;    ///< mean square of normalized residuals
   int corners = 0, seen = 0;
 };
 Study study_tags(LensModel lens, int looks) {
   const CalibratedCamera camera = test::test_camera(lens);
   const MarkerPrint marker = test::apriltag_print("tag36h11", 7, kTagSize);
-  // In these pictures lens, response and print are perfect: what is left is the pixels' noise,
+  // In these images lens, response and print are perfect: what is left is the pixels' noise,
   // which the scatter of the edge points has to tell.
   FiducialOptions options;
   options.tag_sigma_px = 0.01;
@@ -347,9 +347,9 @@ TEST(FiducialObserver, SeesNothingInNoiseAndClutter) {
   auto observer = make_observer(camera, objects);
   std::mt19937 random(3);
   for (int i = 0; i < 24; ++i) {
-    std::vector<uint8_t> grey(640 * 480);
+    std::vector<uint8_t> gray(640 * 480);
     if (i % 2 == 0) {
-      for (uint8_t& g : grey) g = static_cast<uint8_t>(random() % 256);
+      for (uint8_t& g : gray) g = static_cast<uint8_t>(random() % 256);
     } else {
       // Rectangles over rectangles, a world full of quadrilaterals.
       for (int k = 0; k < 600; ++k) {
@@ -358,13 +358,13 @@ TEST(FiducialObserver, SeesNothingInNoiseAndClutter) {
         const uint8_t level = static_cast<uint8_t>(random() % 256);
         for (int y = y0; y < std::min(480, y0 + h); ++y) {
           for (int x = x0; x < std::min(640, x0 + w); ++x) {
-            grey[static_cast<size_t>(y * 640 + x)] = level;
+            gray[static_cast<size_t>(y * 640 + x)] = level;
           }
         }
       }
     }
     std::vector<Observation> out;
-    observer->step(*test::frame_of(grey, 640, 480, kNow), {}, out);
+    observer->step(*test::frame_of(gray, 640, 480, kNow), {}, out);
     ASSERT_EQ(out.size(), 4u);
     for (const Observation& o : out) EXPECT_TRUE(o.terms.empty()) << i;
   }
@@ -408,7 +408,7 @@ TEST(FiducialObserver, AWrongTrackDoesNotHideTheObject) {
   EXPECT_EQ(confident->counters().full_searches, 1u);
 }
 
-TEST(FiducialObserver, AnObjectOutOfThePictureCostsNoSearch) {
+TEST(FiducialObserver, AnObjectOutOfTheImageCostsNoSearch) {
   const CalibratedCamera camera = test::test_camera();
   auto observer = make_observer(camera, {tag_object()});
   const FramePtr frame = PrintScene(camera).shoot(kNow, {});
@@ -430,10 +430,10 @@ TEST(FiducialObserver, ObservationsCarryTheFramesIdentity) {
   info.capture_error = Duration(1000);
   info.width = 640;
   info.height = 480;
-  auto picture = std::make_shared<Picture>(640, 480);
-  for (int y = 0; y < 480; ++y) std::fill_n(picture->mutable_view().y.row(y), 640, uint8_t{90});
+  auto image = std::make_shared<Image>(640, 480);
+  for (int y = 0; y < 480; ++y) std::fill_n(image->mutable_view().y.row(y), 640, uint8_t{90});
   std::vector<Observation> out;
-  (*made)->step(*Frame::decoded(info, picture), {}, out);
+  (*made)->step(*Frame::decoded(info, image), {}, out);
   ASSERT_EQ(out.size(), 1u);
   EXPECT_EQ(out[0].object, ObjectId(5));
   EXPECT_EQ(out[0].camera, CameraId(3));
@@ -445,15 +445,15 @@ TEST(FiducialObserver, ObservationsCarryTheFramesIdentity) {
 
   info.status = FrameStatus::kDamaged;
   out.clear();
-  (*made)->step(*Frame::decoded(info, picture), {}, out);
+  (*made)->step(*Frame::decoded(info, image), {}, out);
   EXPECT_TRUE(out.empty());
 }
 
 TEST(FiducialObserver, AFrameOfAnotherSizeIsNotLookedAt) {
   auto observer = make_observer(test::test_camera(), {tag_object()});
-  const std::vector<uint8_t> grey(320 * 240, 90);
+  const std::vector<uint8_t> gray(320 * 240, 90);
   std::vector<Observation> out;
-  observer->step(*test::frame_of(grey, 320, 240, kNow), {}, out);
+  observer->step(*test::frame_of(gray, 320, 240, kNow), {}, out);
   EXPECT_TRUE(out.empty());
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "sightline/observe/line_term.hpp"
+#include "sightline/observe/terms/line_term.hpp"
 
 #include <gtest/gtest.h>
 

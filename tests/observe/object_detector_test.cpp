@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "sightline/observe/object_detector.hpp"
+#include "sightline/observe/detect/object_detector.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,13 +7,13 @@
 #include <array>
 #include <numbers>
 
-#include "scan_kernel.hpp"
-#include "search_scene.hpp"
+#include "observe/detect/pixels/scan_kernel.hpp"
 #include "sightline/base/cpu.hpp"
-#include "sightline/observe/surface_look.hpp"
+#include "sightline/observe/detect/color_verifier.hpp"
 #include "support/random.hpp"
 #include "support/scene_rig.hpp"
 #include "support/scene_shapes.hpp"
+#include "support/search_scene.hpp"
 
 namespace sightline::test {
 namespace {
@@ -22,37 +22,16 @@ using namespace std::chrono_literals;
 
 constexpr ObjectId kObject(3);
 
-// Three cameras in a cluttered room; `shape` rests or moves in their middle.
-SceneRigOptions scene(const TriangleMesh& shape, ScenePath path) {
-  SceneRigOptions options;
-  options.azimuths_deg = {0, 70, 150};
-  options.shape = std::make_shared<const RayMesh>(shape);
-  options.paint.kind = shape.face_colors.empty() ? Paint::Kind::kPlain : Paint::Kind::kFaces;
-  options.path = std::move(path);
-  options.duration = 300ms;
-  return options;
-}
-
 std::unique_ptr<ObjectDetector> detector_for(const SceneRig& rig, const TriangleMesh& mesh) {
-  std::vector<DetectorCamera> cameras;
-  for (size_t i = 0; i < rig.cameras().size(); ++i) {
-    cameras.push_back({CameraId(static_cast<uint32_t>(i)), rig.cameras()[i]});
-  }
   DetectorOptions options;
   options.nearest = 0.55;
   options.farthest = 0.9;
-  return ObjectDetector::create(kObject, views_of(mesh), cameras, options).value();
+  return ObjectDetector::create(kObject, views_of(mesh), detector_cameras(rig), options).value();
 }
 
 template <typename Detector>
-void add_first_frames(const SceneRig& rig, Detector& detector) {
-  std::vector<bool> seen(rig.cameras().size());
-  for (const SceneShot& shot : rig.shots()) {
-    const auto camera = static_cast<size_t>(shot.camera);
-    if (seen[camera]) continue;
-    seen[camera] = true;
-    detector.add_frame(CameraId(static_cast<uint32_t>(camera)), *rig.shoot(shot));
-  }
+void add_frames(const SceneRig& rig, Detector& detector) {
+  add_first_frames(rig, [&](CameraId id, const Frame& frame) { detector.add_frame(id, frame); });
 }
 
 // Every camera is searched once, until something is found.
@@ -66,9 +45,9 @@ Detection first_found(const SceneRig& rig, ObjectDetector& detector) {
 
 TEST(ObjectDetector, FindsWhatLiesThere) {
   const TriangleMesh mesh = make_truck();
-  const SceneRig rig(scene(mesh, resting(turned(0.8, {1, 2, 3}, {0.03, -0.02, 0.01}))));
+  const SceneRig rig(search_scene(mesh, resting(turned(0.8, {1, 2, 3}, {0.03, -0.02, 0.01}))));
   const auto detector = detector_for(rig, mesh);
-  add_first_frames(rig, *detector);
+  add_frames(rig, *detector);
   const Detection found = first_found(rig, *detector);
   ASSERT_EQ(found.poses.size(), 1u);
   const Rigid3 truth = rig.truth(found.time);
@@ -96,7 +75,7 @@ TEST(ObjectDetector, FindsWhatMovesBetweenFreeRunningCameras) {
     const double t = to_seconds(time - Time{}) - 1.0;
     return turned(0.8 + 1.2 * t, {1, 2, 3}, {0.03 + 0.3 * t, 0.2 * t - 0.04, 0.01});
   };
-  SceneRigOptions options = scene(mesh, path);
+  SceneRigOptions options = search_scene(mesh, path);
   options.phases = {0, 0.3, 0.7};
   const SceneRig rig(options);
   const auto detector = detector_for(rig, mesh);
@@ -121,18 +100,19 @@ TEST(ObjectDetector, FindsWhatMovesBetweenFreeRunningCameras) {
 
 TEST(ObjectDetector, DoesNotSeeWhatIsNotThere) {
   const TriangleMesh mesh = make_truck();
-  SceneRigOptions options = scene(mesh, resting(Rigid3(Eigen::Quaterniond::Identity(), {0, 0, 9})));
+  SceneRigOptions options =
+      search_scene(mesh, resting(Rigid3(Eigen::Quaterniond::Identity(), {0, 0, 9})));
   const SceneRig empty(options);
   const auto detector = detector_for(empty, mesh);
   EXPECT_TRUE(detector->detect().poses.empty()) << "without a frame";
-  add_first_frames(empty, *detector);
+  add_frames(empty, *detector);
   for (int i = 0; i < 3; ++i) EXPECT_TRUE(detector->detect().poses.empty());
 }
 
 TEST(ObjectDetector, DoesNotTakeAnotherThingForIt) {
-  const SceneRig rig(scene(make_creature(2000), resting(turned(0.4, {1, 0, 2}, {0, 0, 0}))));
+  const SceneRig rig(search_scene(make_creature(2000), resting(turned(0.4, {1, 0, 2}, {0, 0, 0}))));
   const auto detector = detector_for(rig, make_truck());
-  add_first_frames(rig, *detector);
+  add_frames(rig, *detector);
   for (int i = 0; i < 3; ++i) {
     const Detection found = detector->detect();
     EXPECT_TRUE(found.poses.empty()) << found.poses[0].evidence;
@@ -141,9 +121,9 @@ TEST(ObjectDetector, DoesNotTakeAnotherThingForIt) {
 
 TEST(ObjectDetector, ReturnsAllPosesOfASymmetricThing) {
   const TriangleMesh mesh = make_carton();
-  const SceneRig rig(scene(mesh, resting(turned(0.7, {1, 3, 2}, {0.01, 0.02, 0}))));
+  const SceneRig rig(search_scene(mesh, resting(turned(0.7, {1, 3, 2}, {0.01, 0.02, 0}))));
   const auto detector = detector_for(rig, mesh);
-  add_first_frames(rig, *detector);
+  add_frames(rig, *detector);
   const Detection found = first_found(rig, *detector);
   ASSERT_EQ(found.poses.size(), 4u) << "a box looks the same after half a turn about each axis";
   const Rigid3 truth = rig.truth(found.time);
@@ -162,8 +142,8 @@ TEST(ObjectDetector, ReturnsAllPosesOfASymmetricThing) {
   }
 }
 
-// Every side of the box in a colour of its own.
-TriangleMesh coloured_carton() {
+// Every side of the box in a color of its own.
+TriangleMesh colored_carton() {
   TriangleMesh mesh = make_carton();
   mesh.face_colors.clear();
   for (const auto& face : mesh.faces) {
@@ -175,8 +155,8 @@ TriangleMesh coloured_carton() {
   return mesh;
 }
 
-std::vector<SurfaceSpot> spots_of(const TriangleMesh& mesh) {
-  std::vector<SurfaceSpot> spots;
+std::vector<SurfaceSample> samples_of(const TriangleMesh& mesh) {
+  std::vector<SurfaceSample> samples;
   Random random(3);
   for (size_t f = 0; f < mesh.faces.size(); ++f) {
     const Eigen::Vector3f& p = mesh.vertices[mesh.faces[f][0]];
@@ -189,46 +169,43 @@ std::vector<SurfaceSpot> spots_of(const TriangleMesh& mesh) {
     for (int i = 0; i < 100; ++i) {
       float a = static_cast<float>(random.uniform()), b = static_cast<float>(random.uniform());
       if (a + b > 1) a = 1 - a, b = 1 - b;
-      spots.push_back({p + a * u + b * v, u.cross(v).normalized(), yuv});
+      samples.push_back({p + a * u + b * v, u.cross(v).normalized(), yuv});
     }
   }
-  return spots;
+  return samples;
 }
 
-TEST(SurfaceLook, DecidesBetweenLookAlikesByColour) {
-  const TriangleMesh mesh = coloured_carton();
-  const SceneRig rig(scene(mesh, resting(turned(0.7, {1, 3, 2}, {0.01, 0.02, 0}))));
+TEST(ColorVerifier, DecidesBetweenSymmetricPosesByColor) {
+  const TriangleMesh mesh = colored_carton();
+  const SceneRig rig(search_scene(mesh, resting(turned(0.7, {1, 3, 2}, {0.01, 0.02, 0}))));
   const auto detector = detector_for(rig, mesh);
-  std::vector<DetectorCamera> cameras;
-  for (size_t i = 0; i < rig.cameras().size(); ++i) {
-    cameras.push_back({CameraId(static_cast<uint32_t>(i)), rig.cameras()[i]});
-  }
-  EXPECT_FALSE(SurfaceLook::create({}, cameras));
-  const auto look = SurfaceLook::create(spots_of(mesh), cameras).value();
-  add_first_frames(rig, *detector);
+  const std::vector<DetectorCamera> cameras = detector_cameras(rig);
+  EXPECT_FALSE(ColorVerifier::create({}, cameras));
+  const auto colors = ColorVerifier::create(samples_of(mesh), cameras).value();
+  add_frames(rig, *detector);
   Detection found = first_found(rig, *detector);
   ASSERT_GT(found.poses.size(), 1u);
   const Detection before = found;
-  look->resolve(found);
-  EXPECT_EQ(found.poses.size(), before.poses.size()) << "without pictures nothing is decided";
-  add_first_frames(rig, *look);
-  look->resolve(found);
+  colors->resolve(found);
+  EXPECT_EQ(found.poses.size(), before.poses.size()) << "without images nothing is decided";
+  add_frames(rig, *colors);
+  colors->resolve(found);
   ASSERT_EQ(found.poses.size(), 1u);
   EXPECT_LT(rotation_angle(found.poses[0].world_from_object, rig.truth(found.time)), 0.08);
   for (const Observation& observation : found.observations) {
     ASSERT_EQ(observation.hypotheses.size(), 1u);
     const Rigid3& pose = observation.hypotheses[0].world_from_object;
-    EXPECT_GT(look->likeness(observation, pose), 0.2);
+    EXPECT_GT(colors->correlation(observation, pose), 0.2);
     EXPECT_NEAR(observation.terms[0]->linearize(pose).cost, observation.hypotheses[0].cost, 1e-6);
   }
 }
 
 TEST(ObjectDetector, GivesTheSameTwice) {
   const TriangleMesh mesh = make_truck();
-  const SceneRig rig(scene(mesh, resting(turned(2.0, {3, 1, 1}, {0, 0.03, 0}))));
+  const SceneRig rig(search_scene(mesh, resting(turned(2.0, {3, 1, 1}, {0, 0.03, 0}))));
   const auto one = detector_for(rig, mesh), two = detector_for(rig, mesh);
-  add_first_frames(rig, *one);
-  add_first_frames(rig, *two);
+  add_frames(rig, *one);
+  add_frames(rig, *two);
   const Detection a = one->detect(), b = two->detect();
   ASSERT_EQ(a.poses.size(), b.poses.size());
   EXPECT_EQ(a.runner_up, b.runner_up);
@@ -240,7 +217,7 @@ TEST(ObjectDetector, GivesTheSameTwice) {
 TEST(ObjectDetector, RefusesWhatMakesNoSense) {
   const auto views = views_of(make_carton());
   EXPECT_FALSE(ObjectDetector::create(kObject, views, {}));
-  SceneRigOptions options = scene(make_carton(), resting(Rigid3()));
+  SceneRigOptions options = search_scene(make_carton(), resting(Rigid3()));
   options.azimuths_deg = {0};
   const SceneRig rig(options);
   const std::vector<DetectorCamera> cameras = {{CameraId(0), rig.cameras()[0]}};
@@ -253,7 +230,6 @@ TEST(ObjectDetector, RefusesWhatMakesNoSense) {
   EXPECT_TRUE(refused([](auto& o) { o.nearest = 2, o.farthest = 1; }));
   EXPECT_TRUE(refused([](auto& o) { o.accept = 0; }));
   EXPECT_TRUE(refused([](auto& o) { o.margin = 1.5; }));
-  EXPECT_TRUE(refused([](auto& o) { o.refined = 0; }));
 }
 
 TEST(ScanKernel, IsTheSameWithAndWithoutAvx2) {
@@ -269,8 +245,8 @@ TEST(ScanKernel, IsTheSameWithAndWithoutAvx2) {
   for (const int columns : {1, 31, 32, 33, 160, 161, 320, 500}) {
     for (const uint8_t threshold : std::array<uint8_t, 4>{1, 120, 160, 249}) {
       std::vector<uint8_t> a(600), b(600);
-      EXPECT_EQ(sum_features_scalar(features, columns, threshold, a.data()),
-                sum_features_avx2(features, columns, threshold, b.data()));
+      EXPECT_EQ(observe::sum_features_scalar(features, columns, threshold, a.data()),
+                observe::sum_features_avx2(features, columns, threshold, b.data()));
       EXPECT_EQ(a, b);
     }
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "sightline/observe/object_tracker.hpp"
+#include "sightline/observe/track/object_tracker.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,9 +9,9 @@
 #include <cstring>
 #include <numbers>
 
-#include "mesh_depth_renderer.hpp"
 #include "sightline/fuse/estimator.hpp"
-#include "sightline/observe/lookalikes.hpp"
+#include "sightline/observe/shape/shape_symmetry.hpp"
+#include "sightline/pipeline/mesh_depth_renderer.hpp"
 #include "support/allocations.hpp"
 #include "support/scene_rig.hpp"
 #include "support/scene_shapes.hpp"
@@ -29,7 +29,7 @@ constexpr double kDeg = std::numbers::pi / 180;
 std::shared_ptr<const ViewpointModel> views_of(const TriangleMesh& mesh) {
   const auto prepared = std::make_shared<const RenderMesh>(make_render_mesh(mesh));
   ViewpointModelOptions options;
-  options.picture_px = 240;
+  options.image_px = 240;
   auto made = ViewpointModel::build(mesh, mesh_depth_renderer_factory(prepared), options);
   EXPECT_TRUE(made) << made.error().message();
   return *made;
@@ -45,9 +45,9 @@ std::shared_ptr<const ViewpointModel> creature_views() {
   return views;
 }
 
-TrackedObject tracked(Cues cues = {false, true, true, true}) {
+TrackedObject tracked(Modalities modalities = {false, true, true, true}) {
   const auto mesh = std::make_shared<const RenderMesh>(make_render_mesh(creature()));
-  return {ObjectId(0), creature_views(), cues, mesh_depth_renderer_factory(mesh)};
+  return {ObjectId(0), creature_views(), modalities, mesh_depth_renderer_factory(mesh)};
 }
 
 SceneRigOptions options_of(Duration duration) {
@@ -70,16 +70,16 @@ class Tracking {
       EXPECT_TRUE(made) << made.error().message();
       trackers.push_back(*std::move(made));
     }
-    start(object.lookalikes, Rigid3(), true);
+    start(object.shape_symmetry, Rigid3(), true);
   }
 
   /// Begins anew at the next set, at the true pose turned by `turn`; `told`: that is said to be the
   /// right one of those that look alike.
-  void start(const Lookalikes& lookalikes, const Rigid3& turn, bool told) {
-    auto made = ObjectEstimator::create({}, ObjectId(0), lookalikes);
+  void start(const ShapeSymmetry& shape_symmetry, const Rigid3& turn, bool told) {
+    auto made = ObjectEstimator::create({}, ObjectId(0), shape_symmetry);
     EXPECT_TRUE(made) << made.error().message();
     estimator = std::make_unique<ObjectEstimator>(*std::move(made));
-    lookalikes_ = lookalikes;
+    shape_symmetry_ = shape_symmetry;
     turn_ = turn;
     told_ = told;
     started_ = false;
@@ -104,9 +104,9 @@ class Tracking {
                           rig_.truth(shot.true_capture) * turn_ * Rigid3::exp(off), covariance));
       if (!told_) continue;
       const Rigid3 pose = rig_.truth(shot.true_capture) * turn_;
-      observations.back().alike = {{pose, 0}};
-      for (const Rigid3& other : lookalikes_.turns) {
-        observations.back().alike.push_back({pose * other, 40});
+      observations.back().symmetric_hypotheses = {{pose, 0}};
+      for (const Rigid3& other : shape_symmetry_.rotations) {
+        observations.back().symmetric_hypotheses.push_back({pose * other, 40});
       }
     }
     started_ = true;
@@ -119,7 +119,7 @@ class Tracking {
 
  private:
   const SceneRig& rig_;
-  Lookalikes lookalikes_;
+  ShapeSymmetry shape_symmetry_;
   Rigid3 turn_;
   bool told_ = true;
   bool started_ = false;
@@ -207,7 +207,7 @@ TEST(ObjectTracker, ACoveredCameraSaysNothingAndLearnsNothing) {
   options.cards.push_back({1, 400ms, 560ms, 0ms, 1.0});
   const SceneRig rig(options);
   Tracking tracking(rig);
-  int hidden_looks = 0, claims = 0, learned = 0;
+  int hidden_frames = 0, claims = 0, learned = 0;
   double worst_mm = 0;
   for (const auto& set : rig.sets()) {
     const UpdateReport report = tracking.step(set);
@@ -217,17 +217,17 @@ TEST(ObjectTracker, ACoveredCameraSaysNothingAndLearnsNothing) {
     worst_mm =
         std::max(worst_mm, 1e3 * translation_distance(truth, report.estimate.world_from_object));
     if (since < 400ms || since >= 560ms) continue;
-    ++hidden_looks;
-    const auto& look = tracking.trackers[1]->last_look(0);
-    claims += look.seen ? 1 : 0;
-    learned += since > 440ms && look.learned ? 1 : 0;
+    ++hidden_frames;
+    const auto& result = tracking.trackers[1]->last_result(0);
+    claims += result.seen ? 1 : 0;
+    learned += since > 440ms && result.learned ? 1 : 0;
   }
-  EXPECT_GT(hidden_looks, 3);
+  EXPECT_GT(hidden_frames, 3);
   EXPECT_EQ(claims, 0);
   EXPECT_EQ(learned, 0);
   // Depth by one camera alone.
   EXPECT_LT(worst_mm, 9);
-  EXPECT_TRUE(tracking.trackers[1]->last_look(0).seen) << "does not come back";
+  EXPECT_TRUE(tracking.trackers[1]->last_result(0).seen) << "does not come back";
 }
 
 TEST(ObjectTracker, HiddenFromAllIsCoastingWithinOneFrame) {
@@ -319,7 +319,7 @@ TEST(ObjectTracker, TheSceneHidesLines) {
   ASSERT_TRUE(open && walled);
   (*open)->propose(*frame, ObjectId(0), truth, covariance);
   const Observation seen = (*walled)->propose(*frame, ObjectId(0), truth, covariance);
-  EXPECT_LT((*walled)->last_look(0).lines_total, (*open)->last_look(0).lines_total * 2 / 3);
+  EXPECT_LT((*walled)->last_result(0).lines_total, (*open)->last_result(0).lines_total * 2 / 3);
   for (const PoseTermPtr& term : seen.terms) {
     const auto* lines = dynamic_cast<const LineTerm*>(term.get());
     if (lines == nullptr) continue;
@@ -346,7 +346,7 @@ TEST(ObjectTracker, PrintIsKeptWhereTheMeshIs) {
         camera.world_from_camera.inverse() * rig.truth(set[0].true_capture);
     for (const PoseTermPtr& term : tracking.observations[0].terms) {
       if (term->kind() != "texture") continue;
-      const auto& points = dynamic_cast<const CornerTerm&>(*term);
+      const auto& points = dynamic_cast<const ReprojectionTerm&>(*term);
       for (const PointMatch& match : points.matches()) {
         const auto pixel = camera.model.project(camera_from_object * match.point_in_object);
         ASSERT_TRUE(pixel);
@@ -372,17 +372,17 @@ const TriangleMesh& carton() {
   return mesh;
 }
 
-TrackedObject tracked_carton(bool colours) {
+TrackedObject tracked_carton(bool colors) {
   static const auto views = views_of(carton());
   const auto mesh = std::make_shared<const RenderMesh>(make_render_mesh(carton()));
   TrackedObject object{ObjectId(0),
                        views,
                        {false, true, true, true},
                        mesh_depth_renderer_factory(mesh),
-                       lookalikes_of(*views, {}),
+                       shape_symmetry_of(*views, {}),
                        nullptr};
-  if (!colours) return object;
-  std::vector<SurfaceSpot> spots;
+  if (!colors) return object;
+  std::vector<SurfaceSample> samples;
   for (size_t f = 0; f < carton().faces.size(); ++f) {
     const auto& face = carton().faces[f];
     const Eigen::Vector3f a = carton().vertices[face[0]], b = carton().vertices[face[1]],
@@ -392,11 +392,11 @@ TrackedObject tracked_carton(bool colours) {
     const Eigen::Vector3f yuv(16 + 219 * y, 128 + 126 * (rgb[2] - y), 128 + 160 * (rgb[0] - y));
     for (float u = 0.05f; u < 1; u += 0.1f) {
       for (float v = 0.05f; u + v < 1; v += 0.1f) {
-        spots.push_back({a + u * (b - a) + v * (c - a), (b - a).cross(c - a).normalized(), yuv});
+        samples.push_back({a + u * (b - a) + v * (c - a), (b - a).cross(c - a).normalized(), yuv});
       }
     }
   }
-  object.spots = std::make_shared<const std::vector<SurfaceSpot>>(std::move(spots));
+  object.samples = std::make_shared<const std::vector<SurfaceSample>>(std::move(samples));
   return object;
 }
 
@@ -410,18 +410,18 @@ SceneRigOptions carton_options(Duration duration, test::Paint::Kind paint) {
 TEST(ObjectTracker, ShapeAloneDoesNotTellHowACartonLies) {
   const SceneRig rig(carton_options(500ms, test::Paint::Kind::kPrinted));
   const TrackedObject object = tracked_carton(false);
-  ASSERT_EQ(object.lookalikes.turns.size(), 3u);
+  ASSERT_EQ(object.shape_symmetry.rotations.size(), 3u);
   Tracking tracking(rig, object);
-  tracking.start(object.lookalikes, object.lookalikes.turns[1], false);
+  tracking.start(object.shape_symmetry, object.shape_symmetry.rotations[1], false);
   int ambiguous = 0;
   for (const auto& set : rig.sets()) {
     const PoseEstimate estimate = tracking.step(set).estimate;
     ASSERT_EQ(estimate.state, TrackState::kDegraded);
-    ambiguous += estimate.doubts == kAmbiguous ? 1 : 0;
+    ambiguous += estimate.degraded_reasons == kAmbiguous ? 1 : 0;
     EXPECT_GT(estimate.sigma_rotation(), 60 * kDeg);
-    // Held as well as one can: at a pose that looks like the true one.
+    // Held as well as one can: at a symmetric pose.
     Rigid3 nearest = rig.truth(set.front().true_capture);
-    for (const Rigid3& turn : object.lookalikes.turns) {
+    for (const Rigid3& turn : object.shape_symmetry.rotations) {
       const Rigid3 other = rig.truth(set.front().true_capture) * turn;
       if (rotation_angle(other, estimate.world_from_object) <
           rotation_angle(nearest, estimate.world_from_object)) {
@@ -434,12 +434,12 @@ TEST(ObjectTracker, ShapeAloneDoesNotTellHowACartonLies) {
   EXPECT_GE(ambiguous, 10);
 }
 
-TEST(ObjectTracker, ColoursOfTheMeshTellHowACartonLies) {
+TEST(ObjectTracker, ColorsOfTheMeshTellHowACartonLies) {
   const SceneRig rig(carton_options(400ms, test::Paint::Kind::kFaces));
   const TrackedObject object = tracked_carton(true);
-  for (const Rigid3& turn : object.lookalikes.turns) {
+  for (const Rigid3& turn : object.shape_symmetry.rotations) {
     Tracking tracking(rig, object);
-    tracking.start(object.lookalikes, turn, false);
+    tracking.start(object.shape_symmetry, turn, false);
     PoseEstimate estimate;
     for (const auto& set : rig.sets()) {
       estimate = tracking.step(set).estimate;
@@ -458,7 +458,8 @@ TEST(ObjectTracker, PrintSeenBeforeTellsHowACartonLiesWhenItIsFoundAgain) {
   size_t count = 0;
   PoseEstimate estimate;
   for (const auto& set : rig.sets()) {
-    if (++count == 20) tracking.start(object.lookalikes, object.lookalikes.turns[2], false);
+    if (++count == 20)
+      tracking.start(object.shape_symmetry, object.shape_symmetry.rotations[2], false);
     estimate = tracking.step(set).estimate;
     const double off =
         rotation_angle(rig.truth(set.front().true_capture), estimate.world_from_object);

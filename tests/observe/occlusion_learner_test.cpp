@@ -1,61 +1,61 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "sightline/observe/occlusion_learner.hpp"
+#include "sightline/observe/scene/occlusion_learner.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <numbers>
 
-#include "hidden_cells.hpp"
-#include "mesh_depth_renderer.hpp"
-#include "still_colors.hpp"
+#include "observe/scene/background_colors.hpp"
+#include "observe/scene/occlusion_cells.hpp"
+#include "observe/scene/surface_colors.hpp"
+#include "sightline/pipeline/mesh_depth_renderer.hpp"
 #include "support/scene_rig.hpp"
 #include "support/scene_shapes.hpp"
-#include "surface_colors.hpp"
 
 namespace sightline {
 namespace {
 
 using namespace std::chrono_literals;
+using observe::BackgroundColors;
 using observe::CellEvidence;
 using observe::CellReader;
 using observe::CellRect;
-using observe::HiddenCells;
-using observe::StillColors;
+using observe::OcclusionCells;
 using observe::SurfaceColors;
 using test::SceneRig;
 using test::SceneRigOptions;
 using test::SceneShot;
 
-constexpr auto kLearned = HiddenCells::Change::kLearned;
-constexpr auto kForgotten = HiddenCells::Change::kForgotten;
-constexpr auto kNone = HiddenCells::Change::kNone;
+constexpr auto kLearned = OcclusionCells::Change::kLearned;
+constexpr auto kForgotten = OcclusionCells::Change::kForgotten;
+constexpr auto kNone = OcclusionCells::Change::kNone;
 
-TEST(HiddenCells, OneClearLookIsEnoughAndWeakOnesAddUp) {
-  HiddenCells cells(8, 8);
+TEST(OcclusionCells, OneClearFrameIsEnoughAndWeakOnesAddUp) {
+  OcclusionCells cells(8, 8);
   EXPECT_EQ(cells.judge(1, 1, 0.8f, {-1, true}), kLearned);
   EXPECT_TRUE(cells.hides(1, 1, 0.8f));
   EXPECT_FALSE(cells.hides(1, 2, 0.8f));
-  int looks = 0;
-  while (cells.judge(2, 2, 0.8f, {-0.3f, true}) == kNone) ASSERT_LT(++looks, 10);
-  EXPECT_GE(looks, 1);
+  int frames = 0;
+  while (cells.judge(2, 2, 0.8f, {-0.3f, true}) == kNone) ASSERT_LT(++frames, 10);
+  EXPECT_GE(frames, 1);
 }
 
-TEST(HiddenCells, EvidenceEitherWayHasToPassAThreshold) {
-  HiddenCells cells(4, 4);
+TEST(OcclusionCells, EvidenceEitherWayHasToPassAThreshold) {
+  OcclusionCells cells(4, 4);
   for (int i = 0; i < 100; ++i) {  // to and fro: nothing flickers
     EXPECT_EQ(cells.judge(0, 0, 0.8f, {i % 2 == 0 ? -0.4f : 0.4f, true}), kNone);
   }
   EXPECT_EQ(cells.judge(1, 0, 0.8f, {-1, true}), kLearned);
   EXPECT_EQ(cells.judge(1, 0, 0.8f, {0.5f, false}), kNone);
   EXPECT_TRUE(cells.hides(1, 0, 0.8f));
-  int looks = 0;
-  while (cells.judge(1, 0, 0.8f, {1, false}) != kForgotten) ASSERT_LT(++looks, 3);
+  int frames = 0;
+  while (cells.judge(1, 0, 0.8f, {1, false}) != kForgotten) ASSERT_LT(++frames, 3);
   EXPECT_FALSE(cells.hides(1, 0, 0.8f));
 }
 
-TEST(HiddenCells, WhatHidesFarThingsNeedNotHideNearOnes) {
-  HiddenCells cells(4, 4);
+TEST(OcclusionCells, WhatHidesFarThingsNeedNotHideNearOnes) {
+  OcclusionCells cells(4, 4);
   cells.judge(0, 0, 0.8f, {-1, true});
   EXPECT_TRUE(cells.hides(0, 0, 0.7f));   // farther
   EXPECT_FALSE(cells.hides(0, 0, 1.0f));  // nearer
@@ -65,8 +65,8 @@ TEST(HiddenCells, WhatHidesFarThingsNeedNotHideNearOnes) {
   EXPECT_TRUE(cells.hides(0, 0, 0.7f));
 }
 
-TEST(HiddenCells, WhatOnlyPassedIsForgottenWithTheObject) {
-  HiddenCells cells(4, 4);
+TEST(OcclusionCells, WhatOnlyPassedIsForgottenWithTheObject) {
+  OcclusionCells cells(4, 4);
   cells.judge(0, 0, 0.8f, {-1, true});
   cells.judge(1, 0, 0.8f, {-1, false});
   cells.left(0, 0);
@@ -78,9 +78,9 @@ TEST(HiddenCells, WhatOnlyPassedIsForgottenWithTheObject) {
   EXPECT_FALSE(cells.hides(2, 0, 0.8f));
 }
 
-TEST(HiddenCells, PublishesBoundsNearerThanTheObject) {
-  HiddenCells cells(16, 16);
-  HiddenDepth out;
+TEST(OcclusionCells, PublishesBoundsNearerThanTheObject) {
+  OcclusionCells cells(16, 16);
+  OcclusionDepth out;
   EXPECT_FALSE(cells.publish({0, 0, 16, 16}, out));
   cells.judge(5, 6, 0.8f, {-1, true});
   ASSERT_TRUE(cells.publish({4, 4, 12, 12}, out));
@@ -93,32 +93,32 @@ TEST(HiddenCells, PublishesBoundsNearerThanTheObject) {
   EXPECT_EQ(out.at(13, 13), 0);  // seen there
 }
 
-std::shared_ptr<const Picture> plain(uint8_t y, uint8_t u, uint8_t v) {
-  auto picture = std::make_shared<Picture>(32, 16);
-  const MutableI420View view = picture->mutable_view();
+std::shared_ptr<const Image> plain(uint8_t y, uint8_t u, uint8_t v) {
+  auto image = std::make_shared<Image>(32, 16);
+  const MutableI420View view = image->mutable_view();
   for (int row = 0; row < 16; ++row) std::fill_n(view.y.row(row), 32, y);
   for (int row = 0; row < 8; ++row) {
     std::fill_n(view.u.row(row), 16, u);
     std::fill_n(view.v.row(row), 16, v);
   }
-  return picture;
+  return image;
 }
 
-TEST(StillColors, KnowsWhatNoObjectCovered) {
-  StillColors still(16, 8);
-  const auto picture = plain(100, 120, 130);
+TEST(BackgroundColors, KnowsWhatNoObjectCovered) {
+  BackgroundColors background(16, 8);
+  const auto image = plain(100, 120, 130);
   const CellRect object{4, 2, 8, 6};
-  for (int i = 0; i < 6; ++i) still.learn(CellReader(picture->view()), {&object, 1});
-  EXPECT_TRUE(still.known(3, 2));
-  EXPECT_TRUE(still.known(8, 2));
-  EXPECT_FALSE(still.known(4, 2));
-  EXPECT_FALSE(still.known(7, 5));
-  EXPECT_LT(still.distance(0, 0, {101, 120, 130}), 1);
-  EXPECT_GT(still.distance(0, 0, {101, 135, 130}), 25);
-  EXPECT_FALSE(still.varied(3, 2));
+  for (int i = 0; i < 6; ++i) background.learn(CellReader(image->view()), {&object, 1});
+  EXPECT_TRUE(background.known(3, 2));
+  EXPECT_TRUE(background.known(8, 2));
+  EXPECT_FALSE(background.known(4, 2));
+  EXPECT_FALSE(background.known(7, 5));
+  EXPECT_LT(background.distance(0, 0, {101, 120, 130}), 1);
+  EXPECT_GT(background.distance(0, 0, {101, 135, 130}), 25);
+  EXPECT_FALSE(background.textured(3, 2));
   const auto other = plain(40, 120, 130);
-  still.learn(CellReader(other->view()), {&object, 1});
-  EXPECT_GT(still.changed(), 0.9f);
+  background.learn(CellReader(other->view()), {&object, 1});
+  EXPECT_GT(background.changed(), 0.9f);
 }
 
 TEST(SurfaceColors, RemembersPlacesAndThePalette) {
@@ -136,7 +136,7 @@ TEST(SurfaceColors, RemembersPlacesAndThePalette) {
 }
 
 // The object goes to and fro behind a block that stands before camera 1 only. The poses are the
-// truth with a millimetre of noise, as if camera 0 had measured them.
+// truth with a millimeter of noise, as if camera 0 had measured them.
 class LearnedScene {
  public:
   explicit LearnedScene(test::Paint::Kind paint, bool block, Duration block_goes = 1h) {
@@ -188,7 +188,7 @@ class LearnedScene {
                                        MotionNoise{});
   }
 
-  /// Calls each(shot, hidden share as learned, hidden share in truth) for every picture of camera
+  /// Calls each(shot, hidden share as learned, hidden share in truth) for every image of camera
   /// 1.
   template <typename Each>
   void play(const Each& each) {
@@ -196,8 +196,8 @@ class LearnedScene {
       if (shot.camera != 1) continue;
       const PoseTrackPtr now = track(shot.true_capture);
       learner->step(*rig_->shoot(shot), {&now, 1});
-      const auto& look = learner->look();
-      const double share = look.cells > 0 ? static_cast<double>(look.hidden) / look.cells : 0;
+      const auto& result = learner->last_step();
+      const double share = result.cells > 0 ? static_cast<double>(result.hidden) / result.cells : 0;
       each(shot, share, 1 - rig_->visible_share(shot));
     }
   }
@@ -213,18 +213,18 @@ class LearnedScene {
 void expect_agreement(test::Paint::Kind paint) {
   LearnedScene scene(paint, true);
   std::vector<double> off;
-  double most_hidden = 0;
+  double max_hidden = 0;
   scene.play([&](const SceneShot&, double learned, double truth) {
     off.push_back(std::abs(learned - truth));
-    most_hidden = std::max(most_hidden, truth);
+    max_hidden = std::max(max_hidden, truth);
   });
-  EXPECT_GT(most_hidden, 0.5);
+  EXPECT_GT(max_hidden, 0.5);
   std::sort(off.begin(), off.end());
-  const double median = off[off.size() / 2], most = off[off.size() * 9 / 10];
+  const double median = off[off.size() / 2], max = off[off.size() * 9 / 10];
   std::printf("hidden share off by %.1f points (median), %.1f (90 %%), %.1f (most)\n", 100 * median,
-              100 * most, 100 * off.back());
+              100 * max, 100 * off.back());
   EXPECT_LT(median, 0.05);
-  EXPECT_LT(most, 0.10);
+  EXPECT_LT(max, 0.10);
 }
 
 TEST(OcclusionLearner, FindsWhatHidesAPlainObject) { expect_agreement(test::Paint::Kind::kPlain); }
@@ -237,8 +237,8 @@ TEST(OcclusionLearner, DrawsNothingAsHiddenThatNothingHides) {
     LearnedScene scene(paint, false);
     int cells = 0, hidden = 0;
     scene.play([&](const SceneShot&, double, double) {
-      cells += scene.learner->look().cells;
-      hidden += scene.learner->look().hidden;
+      cells += scene.learner->last_step().cells;
+      hidden += scene.learner->last_step().hidden;
     });
     EXPECT_GT(cells, 10000);
     EXPECT_LE(hidden, cells / 1000);
@@ -271,7 +271,7 @@ TEST(OcclusionLearner, LearnsOnlyWhileOtherCamerasHoldThePose) {
          {scene.track(time, 2), scene.track(time, 1, TrackState::kDegraded),
           scene.track(time, 1, TrackState::kCoasting), PoseTrackPtr()}) {
       scene.learner->step(*frame, {&track, 1});
-      judged += scene.learner->look().judged;
+      judged += scene.learner->last_step().judged;
     }
   }
   EXPECT_EQ(judged, 0);
@@ -284,13 +284,13 @@ TEST(OcclusionLearner, LeavesOutDamagedAndForeignFrames) {
   const PoseTrackPtr track = scene.track(shot.true_capture);
   FrameInfo info = scene.rig().info_of(shot);
   info.status = FrameStatus::kDamaged;
-  scene.learner->step(*Frame::decoded(info, std::make_shared<Picture>(640, 480)), {&track, 1});
-  EXPECT_EQ(scene.learner->look().judged, 0);
+  scene.learner->step(*Frame::decoded(info, std::make_shared<Image>(640, 480)), {&track, 1});
+  EXPECT_EQ(scene.learner->last_step().judged, 0);
   info.status = FrameStatus::kGood;
   info.width = 320;
   info.height = 240;
-  scene.learner->step(*Frame::decoded(info, std::make_shared<Picture>(320, 240)), {&track, 1});
-  EXPECT_EQ(scene.learner->look().judged, 0);
+  scene.learner->step(*Frame::decoded(info, std::make_shared<Image>(320, 240)), {&track, 1});
+  EXPECT_EQ(scene.learner->last_step().judged, 0);
 }
 
 TEST(OcclusionLearner, RefusesAnObjectWithoutMesh) {

@@ -122,7 +122,7 @@ MarkerPrint apriltag_print(const std::string& family, int id, double size) {
   const int total = image->width;
   MarkerPrint out{blank_print(total + 2 * kMargin, total + 2 * kMargin, size / f->width_at_border),
                   {}};
-  // OpenCV has the classic families, half a turn from the library's pictures.
+  // OpenCV has the classic families, half a turn from the library's images.
   const bool half_turn = !f->reversed_border;
   for (int y = 0; y < total; ++y) {
     for (int x = 0; x < total; ++x) {
@@ -265,25 +265,25 @@ FramePtr PrintScene::shoot(Time capture, const Exposure& exposure) const {
   if (exposure.blur_px > 0) blur(light, width, height, exposure.blur_px);
   std::mt19937 random(exposure.seed);
   std::normal_distribution<double> noise(0, std::max(1e-9, exposure.noise));
-  std::vector<uint8_t> grey(light.size());
+  std::vector<uint8_t> gray(light.size());
   for (size_t i = 0; i < light.size(); ++i) {
     const double level = 16 + 219 * std::pow(static_cast<double>(light[i]), 1 / exposure.gamma);
-    grey[i] = static_cast<uint8_t>(std::clamp(std::lround(level + noise(random)), 0L, 255L));
+    gray[i] = static_cast<uint8_t>(std::clamp(std::lround(level + noise(random)), 0L, 255L));
   }
-  return frame_of(grey, width, height, capture);
+  return frame_of(gray, width, height, capture);
 }
 
-FramePtr frame_of(const std::vector<uint8_t>& grey, int width, int height, Time capture) {
-  auto picture = std::make_shared<::sightline::Picture>(width, height);
-  const MutableI420View view = picture->mutable_view();
+FramePtr frame_of(const std::vector<uint8_t>& gray, int width, int height, Time capture) {
+  auto image = std::make_shared<::sightline::Image>(width, height);
+  const MutableI420View view = image->mutable_view();
   for (int y = 0; y < height; ++y) {
-    std::copy_n(grey.begin() + static_cast<ptrdiff_t>(y) * width, width, view.y.row(y));
+    std::copy_n(gray.begin() + static_cast<ptrdiff_t>(y) * width, width, view.y.row(y));
   }
   FrameInfo info;
   info.width = width;
   info.height = height;
   info.capture = capture;
-  return Frame::decoded(info, std::move(picture));
+  return Frame::decoded(info, std::move(image));
 }
 
 CalibratedCamera test_camera(LensModel lens) {

@@ -27,7 +27,7 @@ struct Print {
 Print blank_print(int columns, int rows, double cell);
 
 /// A print of one marker (the classic AprilTags as OpenCV draws them) with its white surroundings,
-/// `size` from corner to corner as detectors mean it, and where its centre frame (x right, y up, z
+/// `size` from corner to corner as detectors mean it, and where its center frame (x right, y up, z
 /// out) stands in the print's plane.
 struct MarkerPrint {
   Print print;
@@ -37,23 +37,23 @@ MarkerPrint apriltag_print(const std::string& family, int id, double size);
 MarkerPrint aruco_print(const std::string& dictionary, int id, double size);
 
 /// A ChArUco board, its plane being the board's frame. `marker_first`: the older layout. The
-/// print has a margin of one square of its own light colour around it, hence the offset.
+/// print has a margin of one square of its own light color around it, hence the offset.
 struct BoardPrint {
   Print print;
   Rigid3 plane_from_board;
 };
 BoardPrint charuco_print(const CharucoBoard& board, bool marker_first);
 
-/// How a picture is taken.
+/// How an image is taken.
 struct Exposure {
   double blur_px = 0.6;  ///< of the lens, one sigma
-  double noise = 2.0;    ///< grey levels, one sigma
+  double noise = 2.0;    ///< gray levels, one sigma
   double gamma = 2.2;    ///< of the camera
   int samples = 4;       ///< rays per pixel and axis
   uint32_t seed = 1;
 };
 
-/// One camera's picture of prints on a mid-grey background, by rays through the lens model.
+/// One camera's image of prints on a mid-gray background, by rays through the lens model.
 class PrintScene {
  public:
   explicit PrintScene(CalibratedCamera camera) : camera_(std::move(camera)) {}
@@ -71,8 +71,8 @@ class PrintScene {
   std::vector<Placed> prints_;
 };
 
-/// A frame of any grey picture (row by row, width x height).
-FramePtr frame_of(const std::vector<uint8_t>& grey, int width, int height, Time capture);
+/// A frame of any gray image (row by row, width x height).
+FramePtr frame_of(const std::vector<uint8_t>& gray, int width, int height, Time capture);
 
 /// 640x480, f about 610 px, at the world's origin looking along z.
 CalibratedCamera test_camera(LensModel lens = LensModel::kBrownConrady);

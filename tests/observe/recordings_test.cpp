@@ -11,8 +11,8 @@
 
 #include "sightline/calibrate/calibration_file.hpp"
 #include "sightline/config/object_file.hpp"
-#include "sightline/observe/corner_term.hpp"
-#include "sightline/observe/fiducial_observer.hpp"
+#include "sightline/observe/fiducial/fiducial_observer.hpp"
+#include "sightline/observe/terms/reprojection_term.hpp"
 #include "sightline/record/pose_log.hpp"
 #include "sightline/record/recording.hpp"
 #include "sightline/record/replay.hpp"
@@ -102,7 +102,7 @@ TEST(Recordings, BenchCornersAndPosesMeetTheTruth) {
       if (o.terms.empty()) continue;
       const Rigid3& pose = true_pose.at(o.capture);
       const CalibratedCamera& camera = run.cameras[o.camera.index()];
-      const auto& matches = dynamic_cast<const CornerTerm&>(*o.terms[0]).matches();
+      const auto& matches = dynamic_cast<const ReprojectionTerm&>(*o.terms[0]).matches();
       for (size_t k = 0; k < matches.size(); ++k) {
         const auto pixel = camera.model.project(camera.world_from_camera.inverse() *
                                                 (pose * matches[k].point_in_object));
@@ -165,7 +165,7 @@ BoardStudy study_board(const Footage& run) {
       if (o.terms.empty() || o.hypotheses.empty()) continue;
       ++out.seen;
       const CalibratedCamera& camera = run.cameras[o.camera.index()];
-      const auto& matches = dynamic_cast<const CornerTerm&>(*o.terms[0]).matches();
+      const auto& matches = dynamic_cast<const ReprojectionTerm&>(*o.terms[0]).matches();
       for (const PointMatch& m : matches) {
         const auto pixel =
             camera.model.project(camera.world_from_camera.inverse() *

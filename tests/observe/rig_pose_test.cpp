@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "rig_pose.hpp"
+#include "observe/terms/rig_pose.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "feature_match.hpp"
+#include "observe/features/feature_match.hpp"
 #include "print_scene.hpp"
 #include "support/matchers.hpp"
 #include "support/random.hpp"
@@ -94,7 +94,7 @@ TEST(RigPose, GradientIsTheDerivativeOfTheCost) {
     Vector6 off;
     off << 0.004, -0.003, 0.005, 0.0004, -0.0003, 0.0005;
     beside.world_from_object = beside.world_from_object * Rigid3::exp(off);
-    const RigSystem at = linearize_rig(pose.terms, scene.views, beside);
+    const MotionSystem at = linearize_rig(pose.terms, scene.views, beside);
     for (int i = 0; i < 12; ++i) {
       const auto cost_at = [&](double step) {
         RigMotion moved = beside;
@@ -151,8 +151,8 @@ TEST(RigPose, CamerasThatSeeLittleHelp) {
   EXPECT_LT(together, 0.6 * alone);
 }
 
-// A sheet far away, almost without perspective: one picture leaves two poses, which are both named;
-// a second picture leaves one.
+// A sheet far away, almost without perspective: one image leaves two poses, which are both named;
+// a second image leaves one.
 TEST(RigPose, BothPosesOfASheetAreNamed) {
   int both = 0;
   for (uint64_t seed = 1; seed <= 8; ++seed) {
@@ -169,7 +169,7 @@ TEST(RigPose, BothPosesOfASheetAreNamed) {
     const Eigen::Vector3d small = 0.4 * kSheet;
     scene.see(0, truth, 40, small, 0.5, random);
     for (RigMatch& match : scene.matches) {
-      match.seen_from = Eigen::Vector3d::UnitZ();  // as taught, from the front
+      match.seen_from = Eigen::Vector3d::UnitZ();  // as trained, from the front
     }
     const auto poses = solve_rig(scene.views, scene.matches);
     ASSERT_FALSE(poses.empty());
@@ -191,7 +191,7 @@ TEST(RigPose, BothPosesOfASheetAreNamed) {
   EXPECT_GE(both, 6);
 }
 
-TEST(RigPose, PicturesOfDifferentTimesHaveAVelocityInCommon) {
+TEST(RigPose, ImagesOfDifferentTimesHaveAVelocityInCommon) {
   Random random(8);
   Scene scene({0, 80, 160}, {-0.030, -0.012, 0});
   RigMotion truth = somewhere(9);
@@ -206,7 +206,7 @@ TEST(RigPose, PicturesOfDifferentTimesHaveAVelocityInCommon) {
   EXPECT_LT((poses[0].motion.twist - truth.twist).tail<3>().norm(), 0.15);
 }
 
-// Normalised squared errors of many poses: chi-square with six degrees of freedom.
+// Normalized squared errors of many poses: chi-square with six degrees of freedom.
 TEST(RigPose, CovarianceIsHonest) {
   double sum = 0;
   constexpr int kPoses = 60;
@@ -258,20 +258,20 @@ TEST(RigPose, GivesTheSameTwice) {
 TEST(FeatureMatch, ProcessorsAgreeAndPlacesAreToldApart) {
   Random random(6);
   std::vector<OrbFeature> seen(300);
-  std::vector<TaughtFeature> taught(500);
-  for (auto& feature : taught) {
+  std::vector<TrainedFeature> trained(500);
+  for (auto& feature : trained) {
     feature.point = (0.05 * random.normal<3>()).cast<float>();
     for (uint8_t& byte : feature.descriptor) byte = static_cast<uint8_t>(random.bits());
   }
   for (size_t i = 0; i < seen.size(); ++i) {
-    seen[i].descriptor = taught[i].descriptor;
+    seen[i].descriptor = trained[i].descriptor;
     seen[i].descriptor[i % 32] ^= 0x11;  // two bits
   }
-  taught[400] = taught[7];                        // learned twice
-  taught[401].descriptor = taught[8].descriptor;  // the same print at another place
-  std::vector<NearestTaught> out(seen.size()), again(seen.size());
-  match_features(seen, taught, 0.005f, out);
-  match_features_scalar(seen, taught, 0.005f, again);
+  trained[400] = trained[7];                        // learned twice
+  trained[401].descriptor = trained[8].descriptor;  // the same print at another place
+  std::vector<NearestTrained> out(seen.size()), again(seen.size());
+  match_features(seen, trained, 0.005f, out);
+  match_features_scalar(seen, trained, 0.005f, again);
   for (size_t i = 0; i < seen.size(); ++i) {
     EXPECT_EQ(out[i].index, i);
     EXPECT_EQ(out[i].bits, 2);

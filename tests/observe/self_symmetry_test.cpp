@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "self_symmetry.hpp"
+#include "observe/shape/self_symmetry.hpp"
 
 #include <gtest/gtest.h>
 
@@ -55,9 +55,9 @@ TEST(SelfSymmetry, ABoxHasThreeHalfTurns) {
   const Rigid3 pose = odd_pose();
   const SelfSymmetry found = find_self_symmetry(moved(make_box({0.16f, 0.10f, 0.12f}), pose));
   EXPECT_FALSE(found.axis);
-  ASSERT_EQ(found.turns.size(), 3u);
-  for (const Rigid3& turn : found.turns) {
-    const Rigid3 in_box = pose.inverse() * turn * pose;
+  ASSERT_EQ(found.rotations.size(), 3u);
+  for (const Rigid3& transform : found.rotations) {
+    const Rigid3 in_box = pose.inverse() * transform * pose;
     EXPECT_NEAR(rotation_angle(in_box, Rigid3()), std::numbers::pi, 0.1 * kDeg);
     EXPECT_LT(in_box.translation.norm(), 1e-4);
     EXPECT_GT(Eigen::AngleAxisd(in_box.rotation).axis().cwiseAbs().maxCoeff(), 0.99999);
@@ -65,25 +65,25 @@ TEST(SelfSymmetry, ABoxHasThreeHalfTurns) {
 }
 
 TEST(SelfSymmetry, RegularShapes) {
-  EXPECT_EQ(find_self_symmetry(make_box({0.1f, 0.1f, 0.1f})).turns.size(), 23u);
-  EXPECT_EQ(find_self_symmetry(make_box({0.1f, 0.1f, 0.16f})).turns.size(), 7u);
-  EXPECT_EQ(find_self_symmetry(prism(3, 0.05f, 0.12f, 0.6f)).turns.size(), 2u);
-  EXPECT_EQ(find_self_symmetry(prism(5, 0.05f, 0.12f, 1.0f)).turns.size(), 9u);
+  EXPECT_EQ(find_self_symmetry(make_box({0.1f, 0.1f, 0.1f})).rotations.size(), 23u);
+  EXPECT_EQ(find_self_symmetry(make_box({0.1f, 0.1f, 0.16f})).rotations.size(), 7u);
+  EXPECT_EQ(find_self_symmetry(prism(3, 0.05f, 0.12f, 0.6f)).rotations.size(), 2u);
+  EXPECT_EQ(find_self_symmetry(prism(5, 0.05f, 0.12f, 1.0f)).rotations.size(), 9u);
 }
 
 TEST(SelfSymmetry, RoundShapesHaveAnAxis) {
   const SelfSymmetry cone = find_self_symmetry(moved(prism(64, 0.05f, 0.12f, 0.6f), odd_pose()));
   ASSERT_TRUE(cone.axis);
-  EXPECT_TRUE(cone.turns.empty());
+  EXPECT_TRUE(cone.rotations.empty());
   const Eigen::Vector3d axis = odd_pose().rotation * Eigen::Vector3d::UnitZ();
   EXPECT_GT(std::abs(cone.axis->dot(axis)), std::cos(1 * kDeg));
   const SelfSymmetry tube = find_self_symmetry(prism(64, 0.05f, 0.12f, 1.0f));
   ASSERT_TRUE(tube.axis);
-  ASSERT_EQ(tube.turns.size(), 1u);  // end for end
-  EXPECT_LT((tube.turns[0].rotation * *tube.axis).dot(*tube.axis), -0.999);
+  ASSERT_EQ(tube.rotations.size(), 1u);  // end for end
+  EXPECT_LT((tube.rotations[0].rotation * *tube.axis).dot(*tube.axis), -0.999);
   const SelfSymmetry bottle = find_self_symmetry(test::make_bottle(6000));
   EXPECT_TRUE(bottle.axis);
-  EXPECT_TRUE(bottle.turns.empty());
+  EXPECT_TRUE(bottle.rotations.empty());
 }
 
 TEST(SelfSymmetry, IrregularShapesHaveNone) {
@@ -91,7 +91,7 @@ TEST(SelfSymmetry, IrregularShapesHaveNone) {
        {test::make_creature(3000), test::make_truck(), test::make_bracket()}) {
     const SelfSymmetry found = find_self_symmetry(mesh);
     EXPECT_FALSE(found.axis);
-    EXPECT_TRUE(found.turns.empty());
+    EXPECT_TRUE(found.rotations.empty());
   }
 }
 
@@ -110,7 +110,7 @@ TEST(SelfSymmetry, AHandleTells) {
   mesh.normals.clear();
   mesh.face_normals.clear();
   const SelfSymmetry found = find_self_symmetry(finish_mesh(std::move(mesh), "handle").value());
-  EXPECT_TRUE(found.turns.empty());
+  EXPECT_TRUE(found.rotations.empty());
   EXPECT_FALSE(found.axis);
 }
 

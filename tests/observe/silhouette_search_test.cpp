@@ -1,20 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "silhouette_search.hpp"
+#include "observe/detect/silhouette_search.hpp"
 
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
 
-#include "mask_overlap.hpp"
-#include "search_scene.hpp"
+#include "observe/detect/pixels/mask_overlap.hpp"
 #include "sightline/base/cpu.hpp"
-#include "sightline/observe/object_detector.hpp"
+#include "sightline/observe/detect/object_detector.hpp"
+#include "sightline/observe/scene/background_model.hpp"
 #include "support/random.hpp"
 #include "support/scene_rig.hpp"
 #include "support/scene_shapes.hpp"
+#include "support/search_scene.hpp"
 
 namespace sightline::test {
 namespace {
+
+using namespace observe;
 
 using namespace std::chrono_literals;
 
@@ -146,11 +149,7 @@ TEST(SilhouetteSearch, FindsNothingInNothing) {
 class DetectorWithSilhouettes : public ::testing::Test {
  protected:
   static std::unique_ptr<ObjectDetector> detector(const SceneRig& rig, const TriangleMesh& mesh) {
-    std::vector<DetectorCamera> cameras;
-    for (size_t i = 0; i < rig.cameras().size(); ++i) {
-      cameras.push_back({CameraId(static_cast<uint32_t>(i)), rig.cameras()[i]});
-    }
-    return ObjectDetector::create(kObject, views_of(mesh), cameras).value();
+    return ObjectDetector::create(kObject, views_of(mesh), detector_cameras(rig)).value();
   }
   static Detection search(ObjectDetector& detector, const Learned& learned, bool silhouettes) {
     for (size_t i = 0; i < learned.frames.size(); ++i) {
@@ -163,7 +162,7 @@ class DetectorWithSilhouettes : public ::testing::Test {
   }
 };
 
-TEST_F(DetectorWithSilhouettes, FindsInARoomOfItsColour) {
+TEST_F(DetectorWithSilhouettes, FindsInARoomOfItsColor) {
   const TriangleMesh mesh = make_creature(3000);
   SceneRigOptions options = scene(mesh, turned(0.8, {1, 2, 3}, {0.04, -0.03, 0.02}));
   options.backdrop.similarity = 0.9f;

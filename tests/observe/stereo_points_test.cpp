@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "sightline/observe/stereo_points.hpp"
+#include "sightline/observe/stereo/stereo_points.hpp"
 
 #include <gtest/gtest.h>
 
@@ -46,7 +46,7 @@ struct Judged {
   }
 };
 
-// Only points whose place in the first picture shows the object at its true pose count: behind its
+// Only points whose place in the first image shows the object at its true pose count: behind its
 // outline the room is seen.
 Judged judge(const std::vector<ScenePoint>& points, const test::RayMesh& shape, const Rigid3& pose,
              const CalibratedCamera& first) {
@@ -88,7 +88,7 @@ StereoRegion region_of(const SceneRig& rig, Time time) {
 std::vector<ScenePoint> find(const SceneRig& rig, StereoPointFinder& finder) {
   const FramePtr left = rig.shoot(rig.shots()[0]), right = rig.shoot(rig.shots()[1]);
   std::vector<ScenePoint> points;
-  finder.find({&rig.cameras()[0], left->grey()}, {&rig.cameras()[1], right->grey()},
+  finder.find({&rig.cameras()[0], left->gray()}, {&rig.cameras()[1], right->gray()},
               region_of(rig, rig.shots()[0].true_capture), points);
   return points;
 }
@@ -133,7 +133,7 @@ TEST(StereoPoints, OfAMovingObjectNeedItsMotion) {
   const CalibratedCamera moved = moved_with(rig.cameras()[1], rig.truth(second.true_capture), now);
   std::vector<ScenePoint> points;
   StereoPointFinder finder;
-  finder.find({&rig.cameras()[0], left->grey()}, {&moved, right->grey()},
+  finder.find({&rig.cameras()[0], left->gray()}, {&moved, right->gray()},
               region_of(rig, first.true_capture), points);
   Judged judged = judge(points, *options.shape, now, rig.cameras()[0]);
   print("moving", judged, finder.counters());
@@ -141,7 +141,7 @@ TEST(StereoPoints, OfAMovingObjectNeedItsMotion) {
   EXPECT_LT(judged.median(), 0.6e-3);
 }
 
-TEST(StereoPoints, PicturesThatDoNotBelongTogetherGiveNextToNothing) {
+TEST(StereoPoints, ImagesThatDoNotBelongTogetherGiveNextToNothing) {
   const SceneRig rig(printed_carton());
   SceneRigOptions other = printed_carton();
   other.paint.seed = 77;
@@ -151,7 +151,7 @@ TEST(StereoPoints, PicturesThatDoNotBelongTogetherGiveNextToNothing) {
   const FramePtr right = elsewhere.shoot(elsewhere.shots()[1]);
   std::vector<ScenePoint> points;
   StereoPointFinder finder;
-  finder.find({&rig.cameras()[0], left->grey()}, {&rig.cameras()[1], right->grey()},
+  finder.find({&rig.cameras()[0], left->gray()}, {&rig.cameras()[1], right->gray()},
               region_of(rig, rig.shots()[0].true_capture), points);
   Judged judged =
       judge(points, *rig.options().shape, rig.truth(rig.options().start), rig.cameras()[0]);
@@ -161,7 +161,7 @@ TEST(StereoPoints, PicturesThatDoNotBelongTogetherGiveNextToNothing) {
   EXPECT_LT(points.size(), tried / 20);
 }
 
-TEST(StereoPoints, AreTheSameEveryTimeAndNoneWithoutPictures) {
+TEST(StereoPoints, AreTheSameEveryTimeAndNoneWithoutImages) {
   const SceneRig rig(printed_carton());
   StereoPointFinder finder, again;
   const auto a = find(rig, finder), b = find(rig, again);
@@ -172,7 +172,7 @@ TEST(StereoPoints, AreTheSameEveryTimeAndNoneWithoutPictures) {
   EXPECT_TRUE(none.empty());
 }
 
-TEST(StereoPairs, AreNeighboursThatBothSeeTheRegion) {
+TEST(StereoPairs, AreNeighborsThatBothSeeTheRegion) {
   SceneRigOptions options = printed_carton();
   options.azimuths_deg = {0, 12, 90, 100, 200};
   options.lens = {LensModel::kBrownConrady, 64, 48, 60, 60, 31.5, 23.5, {}};
@@ -183,7 +183,7 @@ TEST(StereoPairs, AreNeighboursThatBothSeeTheRegion) {
   EXPECT_TRUE(stereo_pairs(rig.cameras(), {{0, 0, 30}, 0.1}).empty());
 }
 
-// Pictures of an independent path tracer.
+// Images of an independent path tracer.
 TEST(StereoPoints, LieOnTheCartonOfTheBench) {
   const std::filesystem::path folder = SIGHTLINE_SOURCE_DIR "/recordings/bench";
   auto recording = open_recording(folder);
@@ -205,7 +205,7 @@ TEST(StereoPoints, LieOnTheCartonOfTheBench) {
     const Rigid3& pose = (*truth)[set].world_from_object;
     ASSERT_EQ((*truth)[set].time, (**frames)[0]->info().capture);
     std::vector<ScenePoint> points;
-    finder.find({&(*cameras)[0], (**frames)[0]->grey()}, {&(*cameras)[1], (**frames)[1]->grey()},
+    finder.find({&(*cameras)[0], (**frames)[0]->gray()}, {&(*cameras)[1], (**frames)[1]->gray()},
                 {pose * mesh->center.cast<double>(), static_cast<double>(mesh->radius)}, points);
     const Judged judged = judge(points, shape, pose, (*cameras)[0]);
     all.distance.insert(all.distance.end(), judged.distance.begin(), judged.distance.end());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "sightline/observe/viewpoint_model.hpp"
+#include "sightline/observe/shape/viewpoint_model.hpp"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -9,8 +9,8 @@
 #include <filesystem>
 #include <fstream>
 
-#include "mesh_depth_renderer.hpp"
 #include "sightline/base/files.hpp"
+#include "sightline/pipeline/mesh_depth_renderer.hpp"
 #include "support/random.hpp"
 #include "support/ray_mesh.hpp"
 #include "support/scene_shapes.hpp"
@@ -23,7 +23,7 @@ namespace fs = std::filesystem;
 ViewpointModelOptions quick_options() {
   ViewpointModelOptions options;
   options.subdivisions = 1;
-  options.picture_px = 240;
+  options.image_px = 240;
   return options;
 }
 
@@ -144,7 +144,7 @@ TEST(InnerEdges, OfABoxAreItsVisibleEdges) {
     const View view = model->view(i);
     const Eigen::Vector3f camera = view.camera_from_object.inverse().translation.cast<float>();
     for (const InnerEdgeSample& edge : view.edges) {
-      if (edge.crease == 0) continue;  // what the rasteriser sees of a corner
+      if (edge.crease == 0) continue;  // what the rasterizer sees of a corner
       ++edges;
       int faces = 0, visible = 0;
       for (int axis = 0; axis < 3; ++axis) {
@@ -180,14 +180,14 @@ TEST(NearestView, IsTheNearest) {
   EXPECT_EQ(model->nearest(view.camera_from_object), 33u);
 }
 
-TEST(Neighbours, AreFiveOrSixAndMutual) {
+TEST(Neighbors, AreFiveOrSixAndMutual) {
   const auto model = model_of(make_carton(), quick_options());
   int fives = 0;
   for (size_t i = 0; i < model->size(); ++i) {
-    const auto next = model->neighbours(i);
+    const auto next = model->neighbors(i);
     fives += next.size() == 5 ? 1 : 0;
     for (const uint16_t k : next) {
-      const auto back = model->neighbours(k);
+      const auto back = model->neighbors(k);
       EXPECT_NE(std::find(back.begin(), back.end(), i), back.end());
     }
   }
@@ -207,7 +207,7 @@ TEST(Options, OutOfRangeAreRefusedByName) {
   refused([](auto& o) { o.subdivisions = 5; }, "subdivisions");
   refused([](auto& o) { o.contour_samples = 3; }, "contour_samples");
   refused([](auto& o) { o.edge_samples = -1; }, "edge_samples");
-  refused([](auto& o) { o.picture_px = 10; }, "picture_px");
+  refused([](auto& o) { o.image_px = 10; }, "image_px");
   refused([](auto& o) { o.distance_radii = 1; }, "distance_radii");
   refused([](auto& o) { o.crease_angle = 0; }, "crease_angle");
   refused([](auto& o) { o.depth_jump = std::nan(""); }, "depth_jump");

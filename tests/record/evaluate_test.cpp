@@ -67,7 +67,7 @@ TEST(Evaluate, NeverExtrapolatesAndDoesNotBridgeGaps) {
   EXPECT_EQ(cup.all.count, 1u);
 }
 
-TEST(Evaluate, SummarisesErrors) {
+TEST(Evaluate, SummarizesErrors) {
   std::vector<PoseLogRow> rows;
   for (int i = 1; i <= 100; ++i) {
     rows.push_back(row_at(i, turned(0.1 * i, {1, 2, 3}, {1e-3 * i, 0, 0})));
@@ -116,7 +116,7 @@ TEST(Evaluate, NearestAlikeDiffersByASymmetryAndIsTheNearest) {
   const Rigid3 pose = truth * turned(133, axis, {0, 0, 0}) * turned(3, {1, 0.3, 0}, {0, 0, 0});
   for (const SymmetryOption& symmetry :
        {SymmetryOption{Symmetry::kAxis, axis, 1}, SymmetryOption{Symmetry::kDiscrete, axis, 6}}) {
-    const Rigid3 alike = nearest_alike(truth, pose, symmetry);
+    const Rigid3 alike = nearest_symmetric(truth, pose, symmetry);
     EXPECT_LT((alike.translation - truth.translation).norm(), 1e-12);
     // The axis stays where it is.
     EXPECT_LT((alike.rotation * axis - truth.rotation * axis).norm(), 1e-9);
@@ -126,7 +126,7 @@ TEST(Evaluate, NearestAlikeDiffersByASymmetryAndIsTheNearest) {
       EXPECT_LE(rotation_angle(alike, pose), rotation_angle(other, pose) + 1e-9);
     }
   }
-  EXPECT_LT(rotation_angle(nearest_alike(truth, pose, {}), truth), 1e-12);
+  EXPECT_LT(rotation_angle(nearest_symmetric(truth, pose, {}), truth), 1e-12);
 }
 
 TEST(Evaluate, CountsRowsWithoutAPoseAsFailures) {
@@ -150,6 +150,53 @@ TEST(Evaluate, ComparesErrorsWithWhatIsClaimed) {
   EXPECT_NEAR(e.translation, 2, 1e-9);  // (2^2 + 0) / 2
   EXPECT_NEAR(e.rotation, 8.5, 1e-9);   // (1 + 16) / 2
   EXPECT_EQ(e.beyond, 0.5);
+}
+
+TEST(Evaluate, KeyframesAreTrueAtTheirOwnTimesOnly) {
+  EvaluateOptions options;
+  options.keyframes = true;
+  const std::vector rows = {row_at(0, {}), row_at(50, turned(90, {1, 0, 0}, {1, 0, 0}))};
+  const auto cup = evaluate(still_truth(), rows, options).objects[0];
+  EXPECT_EQ(cup.all.count, 1u);  // the row at 50 ms is no matter of the truth
+  EXPECT_EQ(cup.outside_truth, 1u);
+  EXPECT_EQ(cup.judged, 2u);  // the key frame at 100 ms has no row: a failure
+  EXPECT_EQ(cup.within, 1u);
+  EXPECT_EQ(cup.success(), 0.5);
+  EXPECT_EQ(cup.coverage(), 0.5);
+}
+
+TEST(Evaluate, AKeyframeIsCountedOnceAndByItsLastRow) {
+  EvaluateOptions options;
+  options.keyframes = true;
+  const Rigid3 wrong = turned(90, {1, 0, 0}, {1, 0, 0});
+  const auto count = [&](std::vector<PoseLogRow> rows) {
+    return evaluate(still_truth(), rows, options).objects[0].within;
+  };
+  EXPECT_EQ(count({row_at(0, {}), row_at(0, {})}), 1u);  // a row for each camera
+  EXPECT_EQ(count({row_at(0, wrong), row_at(0, {})}), 1u);
+  EXPECT_EQ(count({row_at(0, {}), row_at(0, wrong)}), 0u);
+}
+
+TEST(Evaluate, MeasuresAtTheMiddleOfTheShapeWithAndWithoutItsSymmetries) {
+  EvaluateOptions options;
+  options.keyframes = true;
+  // A box whose origin is a corner: half a turn about its middle.
+  const Eigen::Vector3d center(0.1, 0, 0);
+  const Eigen::Quaterniond half(Eigen::AngleAxisd(180 * kDegree, Eigen::Vector3d::UnitZ()));
+  options.shape["cup"] = {center, {Rigid3(half, center - half * center)}};
+  const Rigid3 about_center(half, center - half * center);
+  const std::vector rows = {row_at(0, about_center),
+                            row_at(100, turned(0, {1, 0, 0}, {0, 0.003, 0}))};
+  const auto cup = evaluate(still_truth(), rows, options).objects[0];
+  EXPECT_NEAR(cup.all.max_mm, 3, 1e-9);
+  EXPECT_NEAR(cup.all.max_deg, 180, 1e-9);
+  EXPECT_EQ(cup.within, 1u);
+  EXPECT_EQ(cup.wrong_claims.size(), 1u);
+  ASSERT_TRUE(cup.up_to_symmetry);
+  EXPECT_EQ(cup.up_to_symmetry->within, 2u);
+  EXPECT_EQ(cup.up_to_symmetry->wrong_claims, 0u);
+  EXPECT_NEAR(cup.up_to_symmetry->all.max_deg, 0, 1e-9);
+  EXPECT_NEAR(cup.up_to_symmetry->all.max_mm, 3, 1e-9);
 }
 
 TEST(Evaluate, NamesWhatIsMissing) {

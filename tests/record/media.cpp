@@ -6,12 +6,14 @@
 #include <fstream>
 #include <sstream>
 
-#include "encoder.hpp"
-#include "matroska_file.hpp"
+#include "record/media/encoder.hpp"
+#include "record/media/matroska_file.hpp"
 #include "sightline/base/files.hpp"
 #include "sightline/image/convert.hpp"
 
 namespace sightline::test {
+
+using namespace record;
 
 namespace fs = std::filesystem;
 
@@ -26,9 +28,9 @@ TempFolder::~TempFolder() {
   fs::remove_all(path_, ignored);
 }
 
-std::shared_ptr<Picture> pattern(int number, int width, int height) {
-  auto picture = std::make_shared<Picture>(width, height);
-  const auto view = picture->mutable_view();
+std::shared_ptr<Image> pattern(int number, int width, int height) {
+  auto image = std::make_shared<Image>(width, height);
+  const auto view = image->mutable_view();
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       view.y.row(y)[x] = static_cast<uint8_t>(16 + (x + 2 * y + 5 * number) % 200);
@@ -40,7 +42,7 @@ std::shared_ptr<Picture> pattern(int number, int width, int height) {
       view.v.row(y)[x] = static_cast<uint8_t>(100 + (y + number) % 50);
     }
   }
-  return picture;
+  return image;
 }
 
 uint64_t hash_of(const I420View& view, uint64_t seed) {
@@ -93,10 +95,10 @@ Stream encode_patterns(const std::string& encoder_name, int count, int gop, int 
   };
   for (int i = 0; i < count; ++i) {
     AVFrame* frame = *(*encoder)->frame();
-    const auto picture = pattern(i);
-    copy_i420(picture->view(), {{frame->data[0], kWidth, kHeight, frame->linesize[0]},
-                                {frame->data[1], kWidth / 2, kHeight / 2, frame->linesize[1]},
-                                {frame->data[2], kWidth / 2, kHeight / 2, frame->linesize[2]}});
+    const auto image = pattern(i);
+    copy_i420(image->view(), {{frame->data[0], kWidth, kHeight, frame->linesize[0]},
+                              {frame->data[1], kWidth / 2, kHeight / 2, frame->linesize[1]},
+                              {frame->data[2], kWidth / 2, kHeight / 2, frame->linesize[2]}});
     SL_CHECK((*encoder)->encode(i * 100, sink).has_value(), "encode");
   }
   SL_CHECK((*encoder)->finish(sink).has_value(), "finish");

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "sightline/image/picture.hpp"
+#include "sightline/image/image.hpp"
 #include "sightline/model/frame.hpp"
 #include "sightline/record/recording.hpp"
 #include "sightline/record/writer.hpp"
@@ -28,10 +28,10 @@ class TempFolder {
 
 inline constexpr int kWidth = 64, kHeight = 48;
 
-/// A moving pattern: every number gives another picture.
-std::shared_ptr<Picture> pattern(int number, int width = kWidth, int height = kHeight);
+/// A moving pattern: every number gives another image.
+std::shared_ptr<Image> pattern(int number, int width = kWidth, int height = kHeight);
 
-/// Hash of all visible bytes of a picture.
+/// Hash of all visible bytes of an image.
 uint64_t hash_of(const I420View& view, uint64_t seed = 0);
 
 /// Bytes that own themselves.
@@ -42,7 +42,7 @@ struct Packet {
   int64_t pts = 0;  ///< [ms]
   bool keyframe = false;
 };
-/// A compressed test video, one packet per picture, in decoding order.
+/// A compressed test video, one packet per image, in decoding order.
 struct Stream {
   std::vector<Packet> packets;
   std::vector<uint8_t> extradata;

@@ -13,7 +13,7 @@ namespace {
 
 using namespace test;
 
-TEST(OverlayVideo, HoldsEveryPicture) {
+TEST(OverlayVideo, HoldsEveryImage) {
   TempFolder temp;
   auto writer = OverlayVideoWriter::create(temp / "v.mkv", {kWidth, kHeight, 30});
   ASSERT_TRUE(writer) << writer.error().message();
@@ -28,7 +28,7 @@ TEST(OverlayVideo, HoldsEveryPicture) {
   ASSERT_TRUE(reader) << reader.error().message();
   int count = 0;
   while (const auto frame = *(*reader)->next()) {
-    const int here = frame->picture->view().y.row(20)[20];
+    const int here = frame->image->view().y.row(20)[20];
     const int expected = pattern(count)->view().y.row(20)[20];
     EXPECT_LT(std::abs(here - expected), 40);
     ++count;
@@ -44,7 +44,7 @@ TEST(OverlayVideo, Refusals) {
   EXPECT_FALSE(writer->append(pattern(0)->view(), Time{}));
 }
 
-TEST(Png, IsAPictureOfTheRightSize) {
+TEST(Png, IsAnImageOfTheRightSize) {
   TempFolder temp;
   ASSERT_TRUE(write_png(temp / "p.png", pattern(3)->view()));
   const std::string bytes = read_text(temp / "p.png");

@@ -120,28 +120,28 @@ TEST(Truth, Refusals) {
 }
 
 std::string list_refusal(const std::string& rows) {
-  const auto parsed = parse_picture_list("picture,camera,tx,ty,tz,qw,qx,qy,qz\n" + rows, "d/l.csv");
+  const auto parsed = parse_image_list("image,camera,tx,ty,tz,qw,qx,qy,qz\n" + rows, "d/l.csv");
   return parsed ? "parsed" : parsed.error().message();
 }
 
-TEST(PictureList, NamesAreRelativeToTheList) {
-  const auto rows = parse_picture_list(
-      "picture,camera,tx,ty,tz,qw,qx,qy,qz\na.png,left,1,2,3,1,0,0,0\n/b.png,right,0,0,0,0,1,0,0\n",
+TEST(ImageList, NamesAreRelativeToTheList) {
+  const auto rows = parse_image_list(
+      "image,camera,tx,ty,tz,qw,qx,qy,qz\na.png,left,1,2,3,1,0,0,0\n/b.png,right,0,0,0,0,1,0,0\n",
       "d/l.csv");
   ASSERT_TRUE(rows) << rows.error().message();
   ASSERT_EQ(rows->size(), 2u);
-  EXPECT_EQ((*rows)[0].picture, "d/a.png");
+  EXPECT_EQ((*rows)[0].image, "d/a.png");
   EXPECT_EQ((*rows)[0].camera, "left");
   EXPECT_EQ((*rows)[0].world_from_object.translation, Eigen::Vector3d(1, 2, 3));
-  EXPECT_EQ((*rows)[1].picture, "/b.png");
+  EXPECT_EQ((*rows)[1].image, "/b.png");
   EXPECT_EQ((*rows)[1].line, 3u);
 }
 
-TEST(PictureList, Refusals) {
-  EXPECT_FALSE(parse_picture_list("", "l.csv"));
-  EXPECT_THAT(list_refusal(""), HasSubstr("d/l.csv: lists no picture"));
+TEST(ImageList, Refusals) {
+  EXPECT_FALSE(parse_image_list("", "l.csv"));
+  EXPECT_THAT(list_refusal(""), HasSubstr("d/l.csv: lists no image"));
   EXPECT_THAT(list_refusal("a.png,left,0,0,0,1,0,0\n"), HasSubstr("d/l.csv:2: 8 columns"));
-  EXPECT_THAT(list_refusal(",left,0,0,0,1,0,0,0\n"), HasSubstr("d/l.csv:2: names no picture"));
+  EXPECT_THAT(list_refusal(",left,0,0,0,1,0,0,0\n"), HasSubstr("d/l.csv:2: names no image"));
   EXPECT_THAT(list_refusal("a.png,,0,0,0,1,0,0,0\n"), HasSubstr("d/l.csv:2: names no camera"));
   EXPECT_THAT(list_refusal("a.png,left,0,nan,0,1,0,0,0\n"), HasSubstr("ty is 'nan'"));
 }

@@ -89,7 +89,7 @@ TEST_F(BadRecording, TruncatedTailIsCutOffInReplayAndRefusedInCheck) {
   ASSERT_EQ(recording->warnings.size(), 1u);
   EXPECT_THAT(recording->warnings[0], HasSubstr("rows from here on are left out"));
   EXPECT_THAT(refusal(RecordingMode::kStrict),
-              HasSubstr(fmt::format("right.mkv ends after {} pictures", left)));
+              HasSubstr(fmt::format("right.mkv ends after {} images", left)));
 }
 
 TEST_F(BadRecording, MoreRowsThanFrames) {
@@ -99,13 +99,13 @@ TEST_F(BadRecording, MoreRowsThanFrames) {
   }
   write_text(file("frames.csv"), csv);
   EXPECT_THAT(refusal(), AllOf(HasSubstr("frames.csv:42"), HasSubstr("camera left has 40 rows"),
-                               HasSubstr("left.mkv ends after 20 pictures")));
+                               HasSubstr("left.mkv ends after 20 images")));
 }
 
 TEST_F(BadRecording, MoreFramesThanRows) {
   const std::string csv = read_text(file("frames.csv"));
   write_text(file("frames.csv"), csv.substr(0, csv.find("left,5,")));
-  EXPECT_THAT(refusal(), AllOf(HasSubstr("left.mkv: has 20 pictures"), HasSubstr("5 rows")));
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("left.mkv: has 20 images"), HasSubstr("5 rows")));
 }
 
 TEST_F(BadRecording, AFewMoreFramesThanRowsAreLeftOutInReplay) {
@@ -115,7 +115,7 @@ TEST_F(BadRecording, AFewMoreFramesThanRowsAreLeftOutInReplay) {
   ASSERT_TRUE(recording);
   EXPECT_EQ(recording->cameras[0].rows.size(), 18u);
   EXPECT_EQ(recording->warnings.size(), 2u);
-  EXPECT_THAT(refusal(RecordingMode::kStrict), HasSubstr("has 20 pictures"));
+  EXPECT_THAT(refusal(RecordingMode::kStrict), HasSubstr("has 20 images"));
 }
 
 TEST_F(BadRecording, RowsUnsorted) {
@@ -148,7 +148,7 @@ TEST_F(BadRecording, WrongCodec) {
 
 TEST_F(BadRecording, WrongSize) {
   edit_text(file("recording.toml"), "width = 64", "width = 80");
-  EXPECT_THAT(refusal(), HasSubstr("pictures are 64 x 48, recording.toml says 80 x 48"));
+  EXPECT_THAT(refusal(), HasSubstr("images are 64 x 48, recording.toml says 80 x 48"));
 }
 
 TEST_F(BadRecording, MissingObjectOrScene) {
@@ -214,15 +214,22 @@ TEST(RecordingToml, Refusals) {
               HasSubstr("'pixels' is not a name"));
 }
 
-TEST(RecordingToml, UnknownKeysAreWarnings) {
-  const auto parsed = parse_recording_toml(kHead + "colour = 1\n" + kCamera, "r.toml");
-  ASSERT_TRUE(parsed);
-  ASSERT_EQ(parsed->warnings.size(), 1u);
-  EXPECT_THAT(parsed->warnings[0], HasSubstr("r.toml:3:1: unknown key 'colour'"));
+TEST(RecordingToml, ADeepHeaderIsRefused) {
+  std::string text = "[a";
+  for (int i = 0; i < 35000; ++i) text += ".a";
+  const auto parsed = parse_recording_toml(text + "]\n", "recording.toml");
+  ASSERT_FALSE(parsed);
+  EXPECT_THAT(parsed.error().message(), HasSubstr("nested more than 32 levels"));
 }
 
-Result<std::vector<std::vector<RecordedRow>>> parse(const std::string& text,
-                                                    std::vector<std::string>* warnings = nullptr) {
+TEST(RecordingToml, UnknownKeysAreWarnings) {
+  const auto parsed = parse_recording_toml(kHead + "color = 1\n" + kCamera, "r.toml");
+  ASSERT_TRUE(parsed);
+  ASSERT_EQ(parsed->warnings.size(), 1u);
+  EXPECT_THAT(parsed->warnings[0], HasSubstr("r.toml:3:1: unknown key 'color'"));
+}
+
+auto parse(const std::string& text, std::vector<std::string>* warnings = nullptr) {
   const std::vector<std::string> cameras = {"a", "b"};
   return parse_frames_csv(text, "f.csv", cameras, warnings);
 }

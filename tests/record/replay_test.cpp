@@ -7,6 +7,7 @@
 #include <map>
 
 #include "record/media.hpp"
+#include "sightline/base/waiting.hpp"
 
 namespace sightline {
 namespace {
@@ -201,6 +202,43 @@ TEST_F(Paced, WaitsNoLongerThanAsked) {
   EXPECT_EQ(left->next(stop_.get_token(), 1ms)->kind, SourceStep::Kind::kTimeout);
   stop_.request_stop();
   EXPECT_EQ(left->next(stop_.get_token(), 1h)->kind, SourceStep::Kind::kTimeout);
+}
+
+TEST_F(Paced, AStopIsSeenBetweenTwoLateFrames) {
+  PacedReplayOptions options;
+  options.loop = true;
+  auto left = source(0, an_hour_ago(), options);
+  stop_.request_stop();
+  EXPECT_EQ(left->next(stop_.get_token(), 1h)->kind, SourceStep::Kind::kTimeout);
+  // What was passed over before is still counted when it goes on.
+  const auto step = left->next({}, 10s);
+  ASSERT_TRUE(step && step->frame);
+  EXPECT_EQ(step->frame->info().sequence, step->frame->info().dropped_before);
+}
+
+/// How often the thread has waited for the disk.
+class Listener final : public WaitListener {
+ public:
+  void wait_begins(const char* what) override {
+    EXPECT_STREQ(what, "the disk");
+    ++waits;
+  }
+  void wait_ends() override {}
+  int waits = 0;
+};
+
+TEST_F(Paced, EveryReadOfTheDiskIsAWait) {
+  Listener listener;
+  const WaitListening listening(listener);
+  ASSERT_TRUE(open_recording(temp_ / "r"));
+  EXPECT_GE(listener.waits, 20) << "two cameras of ten images";
+}
+
+TEST_F(Paced, ARecordingIsNotReadOnAfterAStop) {
+  stop_.request_stop();
+  const auto opened = open_recording(temp_ / "r", RecordingMode::kReplay, stop_.get_token());
+  ASSERT_FALSE(opened);
+  EXPECT_EQ(opened.error().code, ErrorCode::kUnavailable);
 }
 
 TEST_F(Paced, ClockMapsTurns) {

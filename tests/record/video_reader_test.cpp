@@ -6,13 +6,14 @@
 #include <algorithm>
 #include <cstdlib>
 
-#include "h264_bytes.hpp"
 #include "record/media.hpp"
+#include "record/media/avc.hpp"
 
 namespace sightline {
 namespace {
 
 using namespace test;
+using namespace record;
 
 std::vector<VideoFrame> read_all(const std::filesystem::path& path, const std::string& codec,
                                  bool payload = false) {
@@ -51,7 +52,7 @@ struct Coding {
 
 class EveryCodec : public testing::TestWithParam<Coding> {};
 
-TEST_P(EveryCodec, GivesThePicturesInDisplayOrder) {
+TEST_P(EveryCodec, GivesTheImagesInDisplayOrder) {
   const Coding coding = GetParam();
   TempFolder temp;
   const Stream stream = encode_patterns(coding.encoder, 30, 10, coding.b_frames);
@@ -64,9 +65,9 @@ TEST_P(EveryCodec, GivesThePicturesInDisplayOrder) {
     EXPECT_EQ(frames[i].status, FrameStatus::kGood);
     const auto source = pattern(static_cast<int>(i));
     const auto next = pattern(static_cast<int>(i) + 1);
-    const double here = difference(frames[i].picture->view(), source->view());
+    const double here = difference(frames[i].image->view(), source->view());
     EXPECT_LE(here, coding.tolerance) << i;
-    EXPECT_LT(here, difference(frames[i].picture->view(), next->view())) << i;
+    EXPECT_LT(here, difference(frames[i].image->view(), next->view())) << i;
   }
 }
 
@@ -83,7 +84,7 @@ TEST(VideoReader, BringsFullRangeIntoLimitedRange) {
   const auto frames = read_all(temp / "v.mkv", "mjpeg");
   ASSERT_EQ(frames.size(), 3u);
   const auto source = pattern(1);
-  const auto got = frames[1].picture->view(), from = source->view();
+  const auto got = frames[1].image->view(), from = source->view();
   double luma = 0, chroma = 0;
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
@@ -96,7 +97,7 @@ TEST(VideoReader, BringsFullRangeIntoLimitedRange) {
   EXPECT_LT(chroma / (kWidth * kHeight), 3.0);
 }
 
-TEST(VideoReader, RewindGivesTheSamePicturesAgain) {
+TEST(VideoReader, RewindGivesTheSameImagesAgain) {
   TempFolder temp;
   write_stream(temp / "v.mkv", "mpeg4", encode_patterns("mpeg4", 12, 6));
   auto reader = *VideoReader::open(temp / "v.mkv", "mpeg4", kWidth, kHeight);
@@ -106,7 +107,7 @@ TEST(VideoReader, RewindGivesTheSamePicturesAgain) {
       const auto frame = reader->next();
       ASSERT_TRUE(frame);
       if (!*frame) break;
-      turn.push_back(hash_of((*frame)->picture->view()));
+      turn.push_back(hash_of((*frame)->image->view()));
     }
     ASSERT_TRUE(reader->rewind());
   }
@@ -114,7 +115,7 @@ TEST(VideoReader, RewindGivesTheSamePicturesAgain) {
   EXPECT_EQ(turns[0], turns[1]);
 }
 
-/// Damages packet `broken` so that its picture does not come out, and expects every picture that
+/// Damages packet `broken` so that its image does not come out, and expects every image that
 /// does not build on it to keep its place.
 void expect_place_kept(const char* codec, const char* encoder, int b_frames, size_t broken) {
   TempFolder temp;
@@ -133,13 +134,13 @@ void expect_place_kept(const char* codec, const char* encoder, int b_frames, siz
   // Groups of ten start anew.
   for (size_t i = 0; i < 30; ++i) {
     if (i / 10 == displayed / 10) continue;
-    EXPECT_EQ(hash_of(bad[i].picture->view()), hash_of(good[i].picture->view())) << i;
+    EXPECT_EQ(hash_of(bad[i].image->view()), hash_of(good[i].image->view())) << i;
     EXPECT_EQ(bad[i].status, FrameStatus::kGood) << i;
   }
 }
 
-TEST(VideoReader, LostPictureKeepsItsPlace) { expect_place_kept("h264", "libx264", 0, 14); }
-TEST(VideoReader, LostPictureKeepsItsPlaceWhenReordered) {
+TEST(VideoReader, LostImageKeepsItsPlace) { expect_place_kept("h264", "libx264", 0, 14); }
+TEST(VideoReader, LostImageKeepsItsPlaceWhenReordered) {
   expect_place_kept("h264", "libx264", 2, 15);
 }
 
@@ -152,10 +153,10 @@ TEST(VideoReader, LostJpegIsReplacedByTheOneBefore) {
   const auto frames = read_all(temp / "v.mkv", "mjpeg");
   ASSERT_EQ(frames.size(), 5u);
   EXPECT_EQ(frames[0].status, FrameStatus::kDamaged);
-  EXPECT_EQ(frames[0].picture->view().y.row(3)[3], 128);
+  EXPECT_EQ(frames[0].image->view().y.row(3)[3], 128);
   EXPECT_EQ(frames[1].status, FrameStatus::kGood);
   EXPECT_EQ(frames[2].status, FrameStatus::kDamaged);
-  EXPECT_EQ(hash_of(frames[2].picture->view()), hash_of(frames[1].picture->view()));
+  EXPECT_EQ(hash_of(frames[2].image->view()), hash_of(frames[1].image->view()));
   EXPECT_EQ(frames[3].status, FrameStatus::kGood);
 }
 
@@ -203,20 +204,13 @@ TEST(VideoReader, SurvivesDamagedFiles) {
   }
 }
 
-TEST(H264Bytes, SplitsAndJoins) {
-  const std::vector<uint8_t> unit = {0, 0, 0, 1, 0x67, 1, 2, 0, 0, 1, 0x68, 3, 0, 0, 0, 1, 0x65, 9};
-  const auto units = annex_b_units(unit);
-  ASSERT_EQ(units.size(), 3u);
-  EXPECT_THAT(units[0], testing::ElementsAre(0x67, 1, 2));
-  EXPECT_THAT(units[2], testing::ElementsAre(0x65, 9));
-  EXPECT_TRUE(annex_b_has_idr(unit));
-  EXPECT_THAT(annex_b_parameter_sets(unit),
-              testing::ElementsAre(0, 0, 0, 1, 0x67, 1, 2, 0, 0, 0, 1, 0x68, 3));
-  EXPECT_TRUE(annex_b_parameter_sets({}).empty());
+TEST(Avc, BecomesAByteStream) {
   const std::vector<uint8_t> avcc = {1, 100, 0, 10, 0xff, 0xe1, 0, 3, 0x67, 1, 2, 1, 0, 2, 0x68, 3};
   const auto avc = parse_avc_configuration(avcc);
   EXPECT_EQ(avc.length_size, 4);
-  EXPECT_EQ(avc.parameter_sets, annex_b_parameter_sets(unit));
+  EXPECT_THAT(avc.parameter_sets,
+              testing::ElementsAre(0, 0, 0, 1, 0x67, 1, 2, 0, 0, 0, 1, 0x68, 3));
+  EXPECT_EQ(parse_avc_configuration(avc.parameter_sets).parameter_sets, avc.parameter_sets);
   const std::vector<uint8_t> packet = {0, 0, 0, 2, 0x65, 9, 0, 0, 0, 9, 1};
   EXPECT_THAT(to_annex_b(packet, avc, false), testing::ElementsAre(0, 0, 0, 1, 0x65, 9));
   EXPECT_EQ(to_annex_b(packet, avc, true).size(), 13u + 6u);

@@ -5,9 +5,9 @@
 
 #include <cstring>
 
-#include "h264_bytes.hpp"
 #include "record/media.hpp"
 #include "sightline/image/convert.hpp"
+#include "sightline/image/h264.hpp"
 #include "sightline/record/replay.hpp"
 
 namespace sightline {
@@ -58,11 +58,10 @@ std::vector<uint8_t> noise(size_t size, uint32_t seed) {
 
 /// A raw frame of noise; `stride` 0 means tightly packed.
 FramePtr noise_frame(int number, PixelFormat format, ptrdiff_t stride = 0) {
-  const size_t size = *raw_picture_bytes(format, kWidth, kHeight, stride);
+  const size_t size = *raw_image_bytes(format, kWidth, kHeight, stride);
   FramePayload payload = payload_of(noise(size, static_cast<uint32_t>(number)));
   payload.stride = stride;
-  return Frame::raw(info_at(number, format), payload,
-                    std::make_shared<PicturePool>(kWidth, kHeight));
+  return Frame::raw(info_at(number, format), payload, std::make_shared<ImagePool>(kWidth, kHeight));
 }
 
 std::string name_of(const testing::TestParamInfo<PixelFormat>& info) {
@@ -93,7 +92,7 @@ TEST_P(EveryRawFormat, PayloadComesBackAsItWas) {
 
 INSTANTIATE_TEST_SUITE_P(Formats, EveryRawFormat,
                          testing::Values(PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kYuyv,
-                                         PixelFormat::kUyvy, PixelFormat::kGrey, PixelFormat::kY10,
+                                         PixelFormat::kUyvy, PixelFormat::kGray, PixelFormat::kY10,
                                          PixelFormat::kY12, PixelFormat::kY16, PixelFormat::kRgb24,
                                          PixelFormat::kBgr24),
                          name_of);
@@ -109,7 +108,7 @@ TEST(RecordingWriter, PaddingOfRowsIsNotStored) {
     ASSERT_TRUE(writer->close());
     const auto read = replay_all(folder);
     ASSERT_EQ(read.size(), 1u);
-    EXPECT_EQ(read[0]->payload().bytes.size(), *raw_picture_bytes(format, kWidth, kHeight, 0));
+    EXPECT_EQ(read[0]->payload().bytes.size(), *raw_image_bytes(format, kWidth, kHeight, 0));
     EXPECT_EQ(hash_of(read[0]->i420()), hash_of(frame->i420()));
   }
 }
@@ -136,7 +135,7 @@ TEST_P(EveryFfv1Format, IsLossless) {
   ASSERT_TRUE(writer->close());
   const auto read = replay_all(temp / "r");
   ASSERT_EQ(read.size(), 1u);
-  const PlaneView got = read[0]->grey(), expected = frame->i420().y;
+  const PlaneView got = read[0]->gray(), expected = frame->i420().y;
   for (int y = 0; y < kHeight; ++y) {
     ASSERT_EQ(0, std::memcmp(got.row(y), expected.row(y), kWidth)) << y;
   }
@@ -146,7 +145,7 @@ TEST_P(EveryFfv1Format, IsLossless) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Formats, EveryFfv1Format,
-                         testing::Values(PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kGrey,
+                         testing::Values(PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kGray,
                                          PixelFormat::kYuyv, PixelFormat::kUyvy),
                          name_of);
 
@@ -190,7 +189,8 @@ std::vector<Packet> camera_h264(int count, int gop) {
 
 std::vector<std::vector<uint8_t>> units_of(std::span<const uint8_t> bytes) {
   std::vector<std::vector<uint8_t>> units;
-  for (const auto& unit : annex_b_units(bytes)) units.emplace_back(unit.begin(), unit.end());
+  NalReader reader(bytes);
+  while (const auto unit = reader.next()) units.emplace_back(unit->body.begin(), unit->body.end());
   return units;
 }
 
@@ -290,7 +290,7 @@ TEST(RecordingWriter, RefusesFramesOfAnotherKind) {
   auto writer = *RecordingWriter::create(temp / "c", options);
   const auto status = writer->append(*frame_at(0, 0, 0));
   ASSERT_FALSE(status);
-  EXPECT_THAT(status.error().message(), HasSubstr("x: sends 64 x 48 pictures"));
+  EXPECT_THAT(status.error().message(), HasSubstr("x: sends 64 x 48 images"));
   EXPECT_FALSE(writer->append(*frame_at(0, 1, 100))) << "an error is final";
   auto other = one_camera(temp / "d", PixelFormat::kI420);
   EXPECT_FALSE(other->append(*frame_at(5, 0, 0)));
@@ -308,8 +308,8 @@ TEST(RecordingWriter, CopiesObjectsWithTheirParts) {
   write_text(lib / "meshes" / "cup.obj", "mtllib the cup.mtl\nv 0 0 0\nf 1 1 1\n");
   write_text(lib / "meshes" / "the cup.mtl", "newmtl a\nmap_Kd cup.png\n");
   write_text(lib / "meshes" / "cup.png", "png");
-  write_text(lib / "box.ply", "ply");
-  write_text(other / "box.toml", "mesh = \"../lib/box.ply\"\n");
+  write_text(other / "box.ply", "ply");
+  write_text(other / "box.toml", "mesh = \"box.ply\"\n");
   RecordingWriterOptions options;
   options.name = "with \"quotes\"";
   options.cameras = {{"cam", PixelFormat::kI420, kWidth, kHeight}};
@@ -329,11 +329,11 @@ TEST(RecordingWriter, CopiesObjectsWithTheirParts) {
   EXPECT_TRUE(recording->scene.has_value());
   EXPECT_EQ(recording->objects.size(), 2u);
   for (const char* part :
-       {"objects/cup.toml", "objects/meshes/cup.obj", "objects/meshes/the cup.mtl",
-        "objects/meshes/cup.png", "objects/box.ply", "scene/cup.obj"}) {
+       {"objects/0/cup.toml", "objects/0/meshes/cup.obj", "objects/0/meshes/the cup.mtl",
+        "objects/0/meshes/cup.png", "objects/1/box.ply", "scene/cup.obj"}) {
     EXPECT_TRUE(fs::exists(temp.path() / "r" / part)) << part;
   }
-  EXPECT_EQ(read_text(temp.path() / "r" / "objects" / "box.toml"), "mesh = \"box.ply\"\n");
+  EXPECT_EQ(read_text(temp.path() / "r" / "objects" / "1" / "box.toml"), "mesh = \"box.ply\"\n");
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "sightline/render/camera_renderer.hpp"
+#include "sightline/render/overlay/camera_renderer.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,39 +7,39 @@
 #include <cmath>
 #include <limits>
 
-#include "marks.hpp"
 #include "overlay_scene.hpp"
+#include "render/overlay/marks.hpp"
 #include "render_support.hpp"
-#include "test_pictures.hpp"
+#include "test_images.hpp"
 
 namespace sightline {
 namespace {
 
 using namespace test;  // NOLINT: the tests' own helpers
 
-constexpr int kGrey = 128;
+constexpr int kGray = 128;
 
-/// Draws one object with one style at one pose into a grey picture.
+/// Draws one object with one style at one pose into a gray image.
 class Drawn {
  public:
   Drawn(const OverlayScene& scene, const OverlayStyle& style, const PoseTrackPtr& track)
-      : picture_(scene.camera.model.width(), scene.camera.model.height(), kGrey),
+      : image_(scene.camera.model.width(), scene.camera.model.height(), kGray),
         renderer_(*scene.try_renderer(style)) {
-    renderer_->draw(picture_.mutable_view(), time_from_ns(kCapture), std::span(&track, 1), poses);
+    renderer_->draw(image_.mutable_view(), time_from_ns(kCapture), std::span(&track, 1), poses);
   }
   Drawn(const OverlayScene& scene, const OverlayStyle& style, const Rigid3& pose,
         TrackState state = TrackState::kTracking)
       : Drawn(scene, style, track_of({estimate_at(pose, state)})) {}
 
-  I420View view() const { return picture_.view(); }
-  std::vector<std::pair<int, int>> changed() const { return differing_luma(view(), kGrey); }
+  I420View view() const { return image_.view(); }
+  std::vector<std::pair<int, int>> changed() const { return differing_luma(view(), kGray); }
   CameraRenderer& renderer() { return *renderer_; }
-  GreyPicture& picture() { return picture_; }
+  GrayImage& image() { return image_; }
 
   std::vector<PoseAt> poses;
 
  private:
-  GreyPicture picture_;
+  GrayImage image_;
   std::unique_ptr<CameraRenderer> renderer_;
 };
 
@@ -92,13 +92,13 @@ TEST(CameraRenderer, OpaqueFillIsTheRasterMask) {
     const Mask mask(scene, pose);
     int covered = 0;
     for_each_luma(drawn.view(), [&](int x, int y, int luma) {
-      // A face may happen to be shaded as grey as the background; chroma tells.
-      const bool changed = luma != kGrey || is_hue(drawn.view(), x, y, to_yuv(style.color));
+      // A face may happen to be shaded as gray as the background; chroma tells.
+      const bool changed = luma != kGray || is_hue(drawn.view(), x, y, to_yuv(style.color));
       if (mask.covers(x, y)) {
         EXPECT_TRUE(changed) << x << "," << y;
         ++covered;
       } else {
-        EXPECT_EQ(luma, kGrey) << x << "," << y;
+        EXPECT_EQ(luma, kGray) << x << "," << y;
       }
     });
     EXPECT_GT(covered, 500);
@@ -128,7 +128,7 @@ TEST(CameraRenderer, HaloIsAsDarkAsAsked) {
     const Drawn drawn(scene, style, pose_at(0, 0, 0.8));
     size_t darkness = 0;
     for_each_luma(drawn.view(), [&](int, int, int luma) {
-      if (luma < kGrey) darkness += static_cast<size_t>(kGrey - luma);
+      if (luma < kGray) darkness += static_cast<size_t>(kGray - luma);
     });
     if (halo == 0) {
       EXPECT_EQ(darkness, 0u);
@@ -148,22 +148,22 @@ TEST(CameraRenderer, OutlineAndFillStayAtTheObject) {
   for (const auto& [x, y] : drawn.changed()) EXPECT_TRUE(mask.near(x, y, 3)) << x << "," << y;
 }
 
-TEST(CameraRenderer, CircleIsCentredOnTheObject) {
+TEST(CameraRenderer, CircleIsCenteredOnTheObject) {
   const OverlayScene scene;
   const Rigid3 pose = pose_at(0.08, 0.03, 0.9);
   const Drawn drawn(scene, only({"circle"}), pose);
   const Eigen::Vector2d center = *scene.camera.model.project(pose.translation);
-  double least = 1e9;
-  double most = 0;
+  double min = 1e9;
+  double max = 0;
   for (const auto& [x, y] : drawn.changed()) {
     const double r = (Eigen::Vector2d(x, y) - center).norm();
-    least = std::min(least, r);
-    most = std::max(most, r);
+    min = std::min(min, r);
+    max = std::max(max, r);
   }
-  EXPECT_LT(most - least, 6);
-  // The silhouette of the bounding sphere: f R / sqrt(z^2 - R^2), near the middle of the picture.
+  EXPECT_LT(max - min, 6);
+  // The silhouette of the bounding sphere: f R / sqrt(z^2 - R^2), near the middle of the image.
   const double radius = scene.mesh->radius;
-  EXPECT_NEAR(0.5 * (least + most), 288 * radius / std::sqrt(0.81 - radius * radius), 3);
+  EXPECT_NEAR(0.5 * (min + max), 288 * radius / std::sqrt(0.81 - radius * radius), 3);
 }
 
 TEST(CameraRenderer, Box2dSurroundsTheMask) {
@@ -249,7 +249,7 @@ TEST(CameraRenderer, TrailFadesAlongThePath) {
   };
   EXPECT_GT(brightness(9), brightness(5) + 5);
   EXPECT_GT(brightness(5), brightness(2) + 5);
-  EXPECT_GT(brightness(2), kGrey);
+  EXPECT_GT(brightness(2), kGray);
 }
 
 TEST(CameraRenderer, EveryStateLooksDifferent) {
@@ -301,11 +301,11 @@ TEST(CameraRenderer, LastSeenOnlyIfAsked) {
   const Rigid3 pose = pose_at(0.05, 0, 0.8);
   for (const bool asked : {false, true}) {
     Drawn drawn(scene, asked ? only({"last_seen", "circle"}) : only({"circle"}), pose);
-    drawn.picture().clear(kGrey);
+    drawn.image().clear(kGray);
     const PoseTrackPtr lost =
         track_of({estimate_at(pose, TrackState::kTracking),
                   estimate_at(pose, TrackState::kLost, kCapture + 1'000'000)});
-    drawn.renderer().draw(drawn.picture().mutable_view(), time_from_ns(kCapture + 900'000'000),
+    drawn.renderer().draw(drawn.image().mutable_view(), time_from_ns(kCapture + 900'000'000),
                           std::span(&lost, 1), drawn.poses);
     EXPECT_EQ(drawn.changed().empty(), !asked);
   }
@@ -327,7 +327,7 @@ TEST(CameraRenderer, XrayOnlyWhereTheSceneIsNearer) {
   const Rigid3 pose = pose_at(0, 0, 0.8);
   OverlayStyle style = only({"fill", "outline", "box3d", "wireframe"});
   style.fill_opacity = 1;
-  // A wall before the left half of the picture.
+  // A wall before the left half of the image.
   scene.build_wall({-0.5, 0, 0.5}, {1.0f, 2.0f, 0.02f});
   const Drawn halved(scene, style, pose);
   const double edge = scene.camera.model.parameters().cx;
@@ -357,7 +357,7 @@ TEST(CameraRenderer, ToleranceGrowsWithTheUncertainty) {
   OverlayScene scene;
   const Rigid3 pose = pose_at(0, 0, 0.8);
   const OverlayStyle style = only({"fill"});
-  // 70 mm before the object's centre, some millimetres before its nearest corner.
+  // 70 mm before the object's center, some millimeters before its nearest corner.
   scene.build_wall({0, 0, 0.66}, {1.0f, 1.0f, 0.002f});
   PoseEstimate sure = estimate_at(pose, TrackState::kTracking);
   PoseEstimate unsure = sure;
@@ -371,7 +371,7 @@ TEST(CameraRenderer, ToleranceGrowsWithTheUncertainty) {
   EXPECT_LT(shown.view().v.row(y)[x], 128);
 }
 
-/// Middle of the arrow's coloured pixels.
+/// Middle of the arrow's colored pixels.
 Eigen::Vector2d middle_of_hue(const Drawn& drawn, Rgb color) {
   Eigen::Vector2d sum(0, 0);
   int count = 0;
@@ -432,8 +432,8 @@ TEST(CameraRenderer, AnyPlaceAndSizeIsDrawnInsideAndAlikeInNv12) {
           Eigen::Vector3d(-0.35, -0.2, 0.6), Eigen::Vector3d(0, 0, -3), Eigen::Vector3d(0, 0, 0),
           Eigen::Vector3d(0, 0, 900), Eigen::Vector3d(1e5, -1e5, 1e-4)}) {
       for (const TrackState state : {TrackState::kTracking, TrackState::kCoasting}) {
-        GreyPicture i420(width, height, kGrey);
-        Nv12Picture nv12(width, height, kGrey);
+        GrayImage i420(width, height, kGray);
+        Nv12Image nv12(width, height, kGray);
         const PoseTrackPtr track = track_of(
             {estimate_at(pose_at(at.x() - 0.05, at.y(), at.z()), state, kCapture - 50'000'000),
              estimate_at(pose_at(at.x(), at.y(), at.z()), state)});
@@ -442,7 +442,7 @@ TEST(CameraRenderer, AnyPlaceAndSizeIsDrawnInsideAndAlikeInNv12) {
         other->draw(nv12.mutable_view(), time_from_ns(kCapture), std::span(&track, 1), poses);
         EXPECT_TRUE(same_pixels(i420.view(), nv12.view())) << at.transpose();
         if (width > 100 && at.z() > 0.1 && at.z() < 10) {
-          EXPECT_FALSE(differing_luma(i420.view(), kGrey).empty()) << at.transpose();
+          EXPECT_FALSE(differing_luma(i420.view(), kGray).empty()) << at.transpose();
         }
       }
     }
@@ -474,11 +474,11 @@ TEST(CameraRenderer, SameInputSameBytes) {
   // Neither the frames before nor what else was drawn leaves a trace.
   const PoseTrackPtr elsewhere =
       track_of({estimate_at(pose_at(0.1, 0.1, 0.3), TrackState::kCoasting)});
-  first.renderer().draw(first.picture().mutable_view(), time_from_ns(kCapture),
+  first.renderer().draw(first.image().mutable_view(), time_from_ns(kCapture),
                         std::span(&elsewhere, 1), first.poses);
-  first.picture().clear(kGrey);
-  first.renderer().draw(first.picture().mutable_view(), time_from_ns(kCapture),
-                        std::span(&track, 1), first.poses);
+  first.image().clear(kGray);
+  first.renderer().draw(first.image().mutable_view(), time_from_ns(kCapture), std::span(&track, 1),
+                        first.poses);
   EXPECT_TRUE(same_pixels(first.view(), second.view()));
 }
 
@@ -497,11 +497,11 @@ TEST(CameraRenderer, TheNearerObjectLiesOnTop) {
   const std::vector<PoseTrackPtr> tracks = {
       track_of({estimate_at(pose_at(0, 0, 0.7), TrackState::kTracking)}),
       track_of({estimate_at(pose_at(0, 0, 0.9), TrackState::kTracking)})};
-  GreyPicture picture(320, 240, kGrey);
+  GrayImage image(320, 240, kGray);
   std::vector<PoseAt> poses;
-  renderer->draw(picture.mutable_view(), time_from_ns(kCapture), tracks, poses);
+  renderer->draw(image.mutable_view(), time_from_ns(kCapture), tracks, poses);
   const Eigen::Vector2d center = *scene.camera.model.project(Eigen::Vector3d(0, 0, 0.7));
-  EXPECT_TRUE(is_hue(picture.view(), static_cast<int>(center.x()), static_cast<int>(center.y()),
+  EXPECT_TRUE(is_hue(image.view(), static_cast<int>(center.x()), static_cast<int>(center.y()),
                      to_yuv(red.color), 50));
   EXPECT_EQ(poses.size(), 2u);
 }
@@ -517,27 +517,27 @@ TEST(CameraRenderer, ObjectsHideEachOther) {
       scene.camera, CameraId(3),
       {{ObjectId(0), "far", scene.mesh, style}, {ObjectId(1), "near", scene.mesh, invisible}},
       scene.rays, nullptr, {});
-  const auto hidden_share = [&](const Rigid3& near) {
+  const auto occluded_share = [&](const Rigid3& near) {
     const std::vector<PoseTrackPtr> tracks = {
         track_of({estimate_at(pose_at(0, 0, 0.9), TrackState::kTracking)}),
         track_of({estimate_at(near, TrackState::kTracking)})};
-    GreyPicture picture(320, 240, kGrey);
+    GrayImage image(320, 240, kGray);
     std::vector<PoseAt> poses;
-    renderer->draw(picture.mutable_view(), time_from_ns(kCapture), tracks, poses);
+    renderer->draw(image.mutable_view(), time_from_ns(kCapture), tracks, poses);
     double seen = 0, hidden = 0;
     for (int y = 0; y < 240; y += 2) {
       for (int x = 0; x < 320; x += 2) {
-        const int v = picture.view().v.row(y / 2)[x / 2];  // green below, magenta above the middle
+        const int v = image.view().v.row(y / 2)[x / 2];  // green below, magenta above the middle
         if (v > 134) ++hidden;
         if (v < 122) ++seen;
       }
     }
     return hidden / std::max(1.0, seen + hidden);
   };
-  EXPECT_EQ(hidden_share(pose_at(0.4, 0, 0.6)), 0);         // beside it
-  EXPECT_EQ(hidden_share(pose_at(0, 0, 1.5)), 0);           // behind it
-  EXPECT_GT(hidden_share(pose_at(0, 0, 0.6)), 0.95);        // all before it
-  const double half = hidden_share(pose_at(0.06, 0, 0.6));  // partly
+  EXPECT_EQ(occluded_share(pose_at(0.4, 0, 0.6)), 0);         // beside it
+  EXPECT_EQ(occluded_share(pose_at(0, 0, 1.5)), 0);           // behind it
+  EXPECT_GT(occluded_share(pose_at(0, 0, 0.6)), 0.95);        // all before it
+  const double half = occluded_share(pose_at(0.06, 0, 0.6));  // partly
   EXPECT_GT(half, 0.05);
   EXPECT_LT(half, 0.95);
 }
@@ -624,11 +624,11 @@ TEST(Ellipse, GrowsWithTheUncertaintyAndStaysVisible) {
   };
   EXPECT_GE(width(0), 3);
   EXPECT_LE(width(0), 12);
-  // Two sigmas to either side, at 0.9 * 320 / 0.8 px to a metre.
+  // Two sigmas to either side, at 0.9 * 320 / 0.8 px to a meter.
   EXPECT_NEAR(width(0.05), 4 * 0.05 * 360, 10);
 }
 
-TEST(Cross, MarksTheCentreAndLeavesItOpen) {
+TEST(Cross, MarksTheCenterAndLeavesItOpen) {
   const OverlayScene scene;
   const Rigid3 pose = pose_at(0, 0, 0.8);
   const Drawn drawn(scene, only({"cross"}), pose);

@@ -7,12 +7,12 @@
 #include <cstdlib>
 #include <thread>
 
-#include "egl_device.hpp"
+#include "render/gpu/egl_device.hpp"
 #include "render/overlay_scene.hpp"
 #include "render/random_scenes.hpp"
-#include "render/test_pictures.hpp"
-#include "sightline/render/raster_device.hpp"
-#include "surface_shader.hpp"
+#include "render/raster/surface_shader.hpp"
+#include "render/test_images.hpp"
+#include "sightline/render/gpu/raster_device.hpp"
 
 namespace sightline {
 namespace {
@@ -110,7 +110,7 @@ TEST(EglAgreement, RandomPosesMeshesAndLenses) {
   EXPECT_GT(sum.covered, static_cast<size_t>(frames) * 5000);
 }
 
-/// Faces numbered by either, then shaded smoothly: the same picture.
+/// Faces numbered by either, then shaded smoothly: the same image.
 TEST(EglAgreement, SmoothShadingAndTextures) {
   NEED_EGL();
   const int frames = frames_wanted();
@@ -166,7 +166,7 @@ TEST(EglAgreement, SmoothShadingAndTextures) {
   EXPECT_GT(covered, static_cast<size_t>(frames) * 5000);
 }
 
-/// Draws a box in the middle of a small camera's picture.
+/// Draws a box in the middle of a small camera's image.
 struct SmallScene {
   std::shared_ptr<const RayTable> rays = RayTable::build(test::camera(test::lens_rational()));
   RenderMesh mesh = make_render_mesh(make_box({0.2f, 0.15f, 0.1f}));
@@ -225,7 +225,7 @@ TEST(EglRasterizer, GivesUpAfterTheThirdLoss) {
   ASSERT_TRUE(own.has_value());
   SmallScene scene;
   const auto gpu = (*own)->make_rasterizer(scene.rays);
-  for (int i = 0; i < EglDevice::kMostLosses; ++i) {
+  for (int i = 0; i < EglDevice::kMaxLosses; ++i) {
     ASSERT_TRUE(scene.draw(*gpu).has_value());
     (*own)->lose_contexts();
   }
@@ -244,7 +244,7 @@ TEST(RasterDevice, FallsBackToTheCpu) {
   const auto backend = guard_rasterizer((*own)->make_rasterizer(scene.rays), scene.rays);
   ASSERT_TRUE(scene.draw(*backend).has_value());
   const size_t covered = scene.covered();
-  for (int i = 0; i < EglDevice::kMostLosses; ++i) {
+  for (int i = 0; i < EglDevice::kMaxLosses; ++i) {
     EXPECT_EQ(backend->name(), "egl");
     (*own)->lose_contexts();
     ASSERT_TRUE(scene.draw(*backend).has_value());
@@ -298,29 +298,29 @@ TEST(EglRasterizer, CamerasDrawAtTheSameTime) {
   for (const size_t each : covered) EXPECT_EQ(each, covered[0]);
 }
 
-/// The whole overlay, half behind a wall, with either backend: the same picture.
-TEST(CameraRendererOnEgl, DrawsTheSamePicture) {
+/// The whole overlay, half behind a wall, with either backend: the same image.
+TEST(CameraRendererOnEgl, DrawsTheSameImage) {
   NEED_EGL();
   test::OverlayScene scene;
   scene.build_wall({-0.3, 0, 0.5}, {0.6f, 1.0f, 0.01f});
   OverlayStyle style = test::only({"outline", "fill", "wireframe", "box2d", "box3d"});
   const PoseTrackPtr track =
       test::track_of({test::estimate_at(test::pose_at(0, 0, 0.9), TrackState::kTracking)});
-  std::vector<std::unique_ptr<test::GreyPicture>> pictures;
+  std::vector<std::unique_ptr<test::GrayImage>> images;
   for (const RasterChoice choice : {RasterChoice::kCpu, RasterChoice::kEgl}) {
     RenderOptions options;
     options.backend = choice;
     auto renderer = scene.try_renderer(style, options);
     ASSERT_TRUE(renderer.has_value()) << renderer.error().message();
-    pictures.push_back(std::make_unique<test::GreyPicture>(320, 240, 128));
+    images.push_back(std::make_unique<test::GrayImage>(320, 240, 128));
     std::vector<PoseAt> poses;
-    (*renderer)->draw(pictures.back()->mutable_view(), time_from_ns(test::kCapture),
+    (*renderer)->draw(images.back()->mutable_view(), time_from_ns(test::kCapture),
                       std::span(&track, 1), poses);
   }
-  EXPECT_GT(test::differing_luma(pictures[0]->view(), 128).size(), 2000u);
+  EXPECT_GT(test::differing_luma(images[0]->view(), 128).size(), 2000u);
   size_t differing = 0;
-  test::for_each_luma(pictures[0]->view(), [&](int x, int y, int luma) {
-    if (std::abs(luma - int{pictures[1]->view().y.row(y)[x]}) > 1) ++differing;
+  test::for_each_luma(images[0]->view(), [&](int x, int y, int luma) {
+    if (std::abs(luma - int{images[1]->view().y.row(y)[x]}) > 1) ++differing;
   });
   // One mask pixel changes the outline's filter over seven by seven.
   EXPECT_LE(differing, 49u);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The rasteriser against an independent ray cast: Embree, which knows nothing of tiles, edge
+// The rasterizer against an independent ray cast: Embree, which knows nothing of tiles, edge
 // functions or lenses but the rays that CameraModel::unproject() gives it.
 #include <embree3/rtcore.h>
 #include <gtest/gtest.h>
@@ -143,10 +143,10 @@ class EmbreeTest : public testing::TestWithParam<int> {
     compare(model_, mesh, pose, tile_, sum_);
   }
   /// At most one pixel of 10,000, in mask and in depth.
-  void expect_agreement(const char* what, size_t least_covered) {
+  void expect_agreement(const char* what, size_t min_covered) {
     std::printf("%s: %zu pixels, mask of %zu and depth of %zu differ\n", what, sum_.covered,
                 sum_.mask, sum_.depth);
-    EXPECT_GE(sum_.covered, least_covered);
+    EXPECT_GE(sum_.covered, min_covered);
     EXPECT_LE(sum_.mask, sum_.covered / 10'000);
     EXPECT_LE(sum_.depth, sum_.covered / 10'000);
   }

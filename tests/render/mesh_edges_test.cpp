@@ -6,8 +6,8 @@
 
 #include "render/ray_cast.hpp"
 #include "render/render_support.hpp"
-#include "sightline/render/raster.hpp"
-#include "sightline/render/static_depth.hpp"
+#include "sightline/render/raster/raster.hpp"
+#include "sightline/render/raster/static_depth.hpp"
 
 namespace sightline {
 namespace {
@@ -190,7 +190,7 @@ TEST(StaticDepthTest, HoldsTheNearestStaticSurface) {
   EXPECT_TRUE(StaticDepth::build(rays, Rigid3(), {})->empty());
   const RenderMesh wall = make_render_mesh(make_box({6, 4, 0.1f}));
   const RenderMesh post = make_render_mesh(make_box({0.1f, 1, 0.1f}));
-  // The camera stands two metres before the wall, looking along world Y.
+  // The camera stands two meters before the wall, looking along world Y.
   const Rigid3 world_from_camera(
       Eigen::Quaterniond(Eigen::AngleAxisd(-std::numbers::pi / 2, Eigen::Vector3d::UnitX())),
       {0, -2, 1});

@@ -8,13 +8,13 @@
 #include <fstream>
 #include <sstream>
 
+#include "render/overlay/tile/tile_compositor.hpp"
 #include "render/overlay_scene.hpp"
 #include "render/render_support.hpp"
 #include "sightline/calibrate/calibration_file.hpp"
 #include "sightline/geometry/mesh.hpp"
-#include "sightline/image/picture.hpp"
+#include "sightline/image/image.hpp"
 #include "sightline/record/pose_log.hpp"
-#include "tile_compositor.hpp"
 
 namespace sightline {
 namespace {
@@ -173,13 +173,13 @@ Stability tremble(const test::OverlayScene& scene, const RenderMesh& mesh, const
   return result;
 }
 
-void expect_stable(const char* what, const Stability& s, double most) {
+void expect_stable(const char* what, const Stability& s, double max) {
   std::printf("%s: %.0f %% hidden; %.3f %% of the mask changes a frame, at most %.3f %%\n", what,
               100 * s.hidden, 100 * s.mean, 100 * s.worst);
   EXPECT_GT(s.hidden, 0.2);
   EXPECT_LT(s.hidden, 0.8);
   EXPECT_LT(s.mean, 0.01);
-  EXPECT_LT(s.worst, most);
+  EXPECT_LT(s.worst, max);
 }
 
 /// A wall's edge runs down the middle of the object, well before it.
@@ -199,22 +199,20 @@ TEST(Occlusion, TheBorderKeepsStillWhereItCutsAWall) {
   expect_stable("cutting a wall", tremble(scene, *scene.mesh, Rigid3(steep, {0, 0, 1.03})), 0.03);
 }
 
-std::shared_ptr<const Picture> overlay_of(const test::OverlayScene& scene,
-                                          const FrameHints& hints) {
+std::shared_ptr<const Image> overlay_of(const test::OverlayScene& scene, const FrameHints& hints) {
   const OverlayStyle style =
       test::only({"outline", "fill", "wireframe", "box3d", "axes", "circle", "label"});
   auto renderer = scene.try_renderer(style);
   EXPECT_TRUE(renderer.has_value());
-  auto picture = std::make_shared<Picture>(320, 240);
+  auto image = std::make_shared<Image>(320, 240);
   const PoseTrackPtr track =
       test::track_of({test::estimate_at(test::pose_at(0.02, 0.01, 0.8), TrackState::kTracking)});
   std::vector<PoseAt> poses;
-  (*renderer)->draw(picture->mutable_view(), time_from_ns(test::kCapture), {&track, 1}, poses,
-                    hints);
-  return picture;
+  (*renderer)->draw(image->mutable_view(), time_from_ns(test::kCapture), {&track, 1}, poses, hints);
+  return image;
 }
 
-bool same_luma(const Picture& a, const Picture& b) {
+bool same_luma(const Image& a, const Image& b) {
   for (int y = 0; y < a.height(); ++y) {
     if (!std::equal(a.view().y.row(y), a.view().y.row(y) + a.width(), b.view().y.row(y)))
       return false;
@@ -224,7 +222,7 @@ bool same_luma(const Picture& a, const Picture& b) {
 
 /// What was learned hides like a scene that was given, lines and marks included; and adds to it.
 TEST(Occlusion, WhatWasLearnedHidesLikeTheScene) {
-  HiddenDepth learned;
+  OcclusionDepth learned;
   learned.width = 160;
   learned.height = 120;
   std::vector<float> given(320 * 240, 0.0f);
@@ -240,7 +238,7 @@ TEST(Occlusion, WhatWasLearnedHidesLikeTheScene) {
   EXPECT_FALSE(same_luma(*bare, *by_hint));
   EXPECT_TRUE(same_luma(*by_scene, *by_hint));
   EXPECT_TRUE(same_luma(*by_scene, *overlay_of(scene, {&learned})));
-  const HiddenDepth far_away{{}, 300, 300, 4, 4, std::vector<float>(16, 2.0f)};
+  const OcclusionDepth far_away{{}, 300, 300, 4, 4, std::vector<float>(16, 2.0f)};
   EXPECT_TRUE(same_luma(*by_scene, *overlay_of(scene, {&far_away})));
 }
 

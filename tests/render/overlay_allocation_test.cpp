@@ -7,7 +7,7 @@
 #include <new>
 
 #include "overlay_scene.hpp"
-#include "test_pictures.hpp"
+#include "test_images.hpp"
 
 namespace {
 
@@ -62,10 +62,10 @@ TEST(CameraRenderer, AllocatesNothingOnceWarm) {
   for (const std::string_view name : style_names()) *style_flag(style, name) = true;
   style.shading = Shading::kSmooth;
   auto renderer = *scene.try_renderer(style);
-  GreyPicture picture(320, 240, 128);
+  GrayImage image(320, 240, 128);
   std::vector<PoseTrackPtr> tracks;
   for (int k = 0; k < 40; ++k) {
-    // Across the picture and out of it, tracking, coasting, lost and back.
+    // Across the image and out of it, tracking, coasting, lost and back.
     const TrackState state = k % 10 == 9   ? TrackState::kLost
                              : k % 10 == 8 ? TrackState::kCoasting
                                            : TrackState::kTracking;
@@ -82,7 +82,7 @@ TEST(CameraRenderer, AllocatesNothingOnceWarm) {
   for (int round = 0; round < 3; ++round) {
     const size_t before = allocations.load();
     for (const PoseTrackPtr& track : tracks) {
-      renderer->draw(picture.mutable_view(), time_from_ns(kCapture), std::span(&track, 1), poses);
+      renderer->draw(image.mutable_view(), time_from_ns(kCapture), std::span(&track, 1), poses);
     }
     last_round = allocations.load() - before;
   }

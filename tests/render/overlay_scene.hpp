@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "sightline/geometry/mesh.hpp"
-#include "sightline/render/camera_renderer.hpp"
-#include "sightline/render/raster.hpp"
-#include "sightline/render/static_depth.hpp"
+#include "sightline/render/overlay/camera_renderer.hpp"
+#include "sightline/render/raster/raster.hpp"
+#include "sightline/render/raster/static_depth.hpp"
 
 namespace sightline::test {
 

@@ -1,29 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "sightline/render/point_marks.hpp"
+#include "sightline/render/overlay/point_marks.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cstring>
 
 #include "../support/random.hpp"
-#include "sightline/image/picture.hpp"
+#include "sightline/image/image.hpp"
 
 namespace sightline {
 namespace {
 
-std::unique_ptr<Picture> grey(int width, int height) {
-  auto picture = std::make_unique<Picture>(width, height);
-  const auto view = picture->mutable_view();
+std::unique_ptr<Image> gray(int width, int height) {
+  auto image = std::make_unique<Image>(width, height);
+  const auto view = image->mutable_view();
   for (const auto& plane : {view.y, view.u, view.v}) {
     for (int y = 0; y < plane.height; ++y) {
       std::memset(plane.row(y), 128, static_cast<size_t>(plane.width));
     }
   }
-  return picture;
+  return image;
 }
 
-Yuv at(const Picture& picture, int x, int y) {
-  const I420View view = picture.view();
+Yuv at(const Image& image, int x, int y) {
+  const I420View view = image.view();
   return {view.y.row(y)[x], view.u.row(y / 2)[x / 2], view.v.row(y / 2)[x / 2]};
 }
 
@@ -47,15 +47,15 @@ TEST(DepthScale, FitsAndNeverCollapses) {
 TEST(PointMarks, NearOnesLieOnTopWhateverTheirOrder) {
   const std::vector<PointMark> marks = {{{20, 20}, 1.0, PointKind::kEdge},
                                         {{20, 20}, 2.0, PointKind::kEdge}};
-  const auto picture = grey(40, 40);
-  draw_point_marks(picture->mutable_view(), marks, {1, 2}, {6, 9});
+  const auto image = gray(40, 40);
+  draw_point_marks(image->mutable_view(), marks, {1, 2}, {6, 9});
   const Yuv green = to_yuv({0, 255, 0});
-  EXPECT_NEAR(at(*picture, 20, 20).y, green.y, 2);
-  EXPECT_NEAR(at(*picture, 20, 20).u, green.u, 12);
+  EXPECT_NEAR(at(*image, 20, 20).y, green.y, 2);
+  EXPECT_NEAR(at(*image, 20, 20).u, green.u, 12);
 }
 
 TEST(PointMarks, HiddenOnesAreOpenAndEveryPlaceIsSafe) {
-  const auto solid = grey(40, 40), open = grey(40, 40);
+  const auto solid = gray(40, 40), open = gray(40, 40);
   PointMark mark{{20, 20}, 1.0, PointKind::kEdge, false};
   draw_point_marks(solid->mutable_view(), {&mark, 1}, {1, 2}, {9, 9});
   mark.hidden = true;
@@ -73,7 +73,7 @@ TEST(PointMarks, HiddenOnesAreOpenAndEveryPlaceIsSafe) {
                         i % 2 == 0});
   }
   anywhere.push_back({{1e300, std::numeric_limits<double>::quiet_NaN()}, 1, PointKind::kCorner});
-  const auto odd = grey(39, 41);
+  const auto odd = gray(39, 41);
   draw_point_marks(odd->mutable_view(), anywhere, fit_depth_scale(anywhere));
 }
 
@@ -93,7 +93,7 @@ TEST(EnclosingCircle, HoldsAllAndIsSmallest) {
       farthest = std::max(farthest, (pixel - circle->center).norm());
     }
     EXPECT_LE(farthest, circle->radius + 1e-6);
-    // No other centre nearby does with less: the function of the centre is convex.
+    // No other center nearby does with less: the function of the center is convex.
     for (int i = 0; i < 16; ++i) {
       const Eigen::Vector2d other =
           circle->center + 0.01 * Eigen::Vector2d(std::cos(i * 0.3927), std::sin(i * 0.3927));
@@ -106,13 +106,13 @@ TEST(EnclosingCircle, HoldsAllAndIsSmallest) {
 
 TEST(BoundingMarkers, SurroundThePixels) {
   const std::vector<Eigen::Vector2d> pixels = {{30, 30}, {70, 30}, {50, 60}};
-  const auto picture = grey(100, 100);
-  draw_bounding_rectangle(picture->mutable_view(), pixels, {70, 225, 120}, 2, 5);
+  const auto image = gray(100, 100);
+  draw_bounding_rectangle(image->mutable_view(), pixels, {70, 225, 120}, 2, 5);
   const uint8_t line = to_yuv({70, 225, 120}).y;
-  EXPECT_NEAR(at(*picture, 50, 25).y, line, 60);
-  EXPECT_NE(at(*picture, 25, 45).y, 128);
-  EXPECT_EQ(at(*picture, 50, 45).y, 128);
-  const auto round = grey(100, 100);
+  EXPECT_NEAR(at(*image, 50, 25).y, line, 60);
+  EXPECT_NE(at(*image, 25, 45).y, 128);
+  EXPECT_EQ(at(*image, 50, 45).y, 128);
+  const auto round = gray(100, 100);
   draw_bounding_circle(round->mutable_view(), pixels, {70, 225, 120}, 2, 5);
   EXPECT_EQ(at(*round, 50, 45).y, 128);
   EXPECT_NE(at(*round, 25, 35).y, 128);

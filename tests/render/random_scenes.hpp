@@ -7,12 +7,12 @@
 
 #include "render/render_support.hpp"
 #include "sightline/geometry/mesh.hpp"
-#include "sightline/image/picture.hpp"
-#include "sightline/render/mesh_paint.hpp"
+#include "sightline/image/image.hpp"
+#include "sightline/render/mesh/mesh_paint.hpp"
 
 namespace sightline::test {
 
-/// Random lenses of every family, as wild as they come without folding inside the picture.
+/// Random lenses of every family, as wild as they come without folding inside the image.
 inline CameraModel random_lens(Dice& dice) {
   const bool large = dice.uniform(0, 1) < 0.25;
   const int width = large ? 1280 : 640;
@@ -78,17 +78,17 @@ inline std::vector<RenderMesh> random_meshes(Dice& dice) {
   return meshes;
 }
 
-/// A texture of noise on every other face, colours of the corners on the rest.
+/// A texture of noise on every other face, colors of the corners on the rest.
 inline void paint_with_noise(Dice& dice, RenderMesh& mesh) {
-  Picture picture(64, 64);
+  Image image(64, 64);
   for (int y = 0; y < 64; ++y) {
     for (int x = 0; x < 64; ++x)
-      picture.mutable_view().y.row(y)[x] = static_cast<uint8_t>(dice.uniform(16, 235));
+      image.mutable_view().y.row(y)[x] = static_cast<uint8_t>(dice.uniform(16, 235));
   }
-  for (const MutablePlaneView& plane : {picture.mutable_view().u, picture.mutable_view().v}) {
+  for (const MutablePlaneView& plane : {image.mutable_view().u, image.mutable_view().v}) {
     for (int y = 0; y < plane.height; ++y) std::fill_n(plane.row(y), plane.width, uint8_t{110});
   }
-  mesh.textures = {std::make_shared<const SurfaceTexture>(picture.view())};
+  mesh.textures = {std::make_shared<const SurfaceTexture>(image.view())};
   mesh.paint.resize(mesh.faces.size());
   for (size_t f = 0; f < mesh.faces.size(); ++f) {
     mesh.paint[f].texture = f % 2 == 0 ? 0 : -1;
@@ -100,7 +100,7 @@ inline void paint_with_noise(Dice& dice, RenderMesh& mesh) {
   }
 }
 
-/// Mostly in the picture and up to half of it wide, sometimes around the camera itself.
+/// Mostly in the image and up to half of it wide, sometimes around the camera itself.
 inline Rigid3 random_pose(Dice& dice, const CameraModel& model, const RenderMesh& mesh) {
   if (dice.uniform(0, 1) < 0.1) {
     return {dice.rotation(), Eigen::Vector3d(dice.uniform(-0.3, 0.3), dice.uniform(-0.3, 0.3),

@@ -7,7 +7,7 @@
 #include <new>
 
 #include "render/render_support.hpp"
-#include "sightline/render/raster.hpp"
+#include "sightline/render/raster/raster.hpp"
 
 namespace {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "sightline/render/raster.hpp"
+#include "sightline/render/raster/raster.hpp"
 
 #include <gtest/gtest.h>
 
@@ -78,11 +78,11 @@ void compare(Lens& lens, const RenderMesh& mesh, const Rigid3& pose, const Raste
   }
 }
 
-void expect_right(const Comparison& c, size_t least_covered) {
+void expect_right(const Comparison& c, size_t min_covered) {
   EXPECT_EQ(c.wrong_mask, 0u);
   EXPECT_EQ(c.wrong_depth, 0u);
   EXPECT_EQ(c.wrong_shade, 0u);
-  EXPECT_GE(c.covered, least_covered);
+  EXPECT_GE(c.covered, min_covered);
 }
 
 class RasterLensTest : public testing::TestWithParam<int> {
@@ -131,7 +131,7 @@ TEST_P(RasterLensTest, BoxesAtTheBorderAndCutByTheNearPlaneMatch) {
   Comparison sum;
   const RenderMesh mesh = make_render_mesh(make_box({0.5f, 0.3f, 0.2f}));
   for (int i = 0; i < 24; ++i) {
-    // Around the camera on all sides: behind it, across its plane, and out of the picture.
+    // Around the camera on all sides: behind it, across its plane, and out of the image.
     const Eigen::Vector3d place(dice.uniform(-0.5, 0.5), dice.uniform(-0.4, 0.4),
                                 dice.uniform(-0.2, 0.3));
     const Rigid3 pose(dice.rotation(), place);
@@ -267,7 +267,7 @@ TEST_F(RasterTest, NearFacesWinAndBackFacesAreCulled) {
   EXPECT_NEAR(tile.shade(y)[x], 255 * 0.8 * (kAmbient + (1 - kAmbient) * -kLightZ), 1.0);
 }
 
-TEST_F(RasterTest, ThePictureIsNotMirrored) {
+TEST_F(RasterTest, TheImageIsNotMirrored) {
   // A box off to +x, +y in the camera lies right of and below the principal point.
   const RenderMesh mesh = make_render_mesh(make_box({0.05f, 0.05f, 0.05f}));
   MeshRasterizer rasterizer(rays);
@@ -277,7 +277,7 @@ TEST_F(RasterTest, ThePictureIsNotMirrored) {
   EXPECT_GT(tile.rect().y, model.parameters().cy);
 }
 
-TEST_F(RasterTest, NothingFoldsBackIntoThePicture) {
+TEST_F(RasterTest, NothingFoldsBackIntoTheImage) {
   // Beyond radius 2.007 the polynomial of lens C turns back: such points would land inside.
   const CameraModel wide = test::camera(test::lens_c());
   ASSERT_LT(wide.max_valid_radius(), 2.1);
@@ -330,7 +330,7 @@ TEST_F(RasterTest, SharedEdgesNeitherCrackNorDrawTwice) {
   grid = finish_mesh(grid, "grid").value();
   CameraModel::Parameters plain = test::lens(256, 256, 256, {});
   plain.fy = plain.fx;
-  plain.cx = plain.cy = 128;  // grid lines fall exactly on pixel centres
+  plain.cx = plain.cy = 128;  // grid lines fall exactly on pixel centers
   const auto table = RayTable::build(test::camera(plain));
   MeshRasterizer rasterizer(table);
   const Rigid3 pose(Eigen::Quaterniond::Identity(), {0, 0, 1.3333333333333333});
@@ -382,7 +382,7 @@ TEST_F(RasterTest, DegenerateFacesAreLeftOut) {
 }
 
 TEST_F(RasterTest, NoPoseMakesItLeaveItsMemory) {
-  // Extreme poses: sanitizers watch; nothing is asked of the picture.
+  // Extreme poses: sanitizers watch; nothing is asked of the image.
   Dice dice(33);
   const RenderMesh mesh = make_render_mesh(make_bumpy_torus(200, 1.0f));
   const auto fisheye = RayTable::build(test::camera(test::lens_fisheye()));

@@ -9,8 +9,8 @@
 #include <optional>
 #include <vector>
 
-#include "sightline/render/backend.hpp"
-#include "sightline/render/ray_table.hpp"
+#include "sightline/render/raster/backend.hpp"
+#include "sightline/render/raster/ray_table.hpp"
 
 namespace sightline::test {
 
@@ -22,7 +22,7 @@ struct CastHit {
   double second_inverse_z = 0;  ///< of the next surface behind the nearest one
 };
 
-/// Independent of the rasteriser: rays from CameraModel::unproject, every face tried by
+/// Independent of the rasterizer: rays from CameraModel::unproject, every face tried by
 /// Moller-Trumbore, nearest hit wins. Follows the renderer's rules: back faces of closed meshes and
 /// surfaces before the near plane are not there.
 class RayCaster {

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "sightline/render/ray_table.hpp"
+#include "sightline/render/raster/ray_table.hpp"
 
 #include <gtest/gtest.h>
 
 #include <array>
+#include <vector>
 
 #include "render/render_support.hpp"
 

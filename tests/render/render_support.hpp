@@ -7,9 +7,9 @@
 #include <numbers>
 #include <random>
 
-#include "sightline/render/raster.hpp"
-#include "sightline/render/ray_table.hpp"
-#include "sightline/render/render_mesh.hpp"
+#include "sightline/render/mesh/render_mesh.hpp"
+#include "sightline/render/raster/raster.hpp"
+#include "sightline/render/raster/ray_table.hpp"
 
 namespace sightline::test {
 
@@ -28,7 +28,7 @@ inline CameraModel::Parameters lens(int width, int height, double focal,
   return p;
 }
 
-/// Strong barrel (A), long and mild (B), and wide with a fold-over just outside the picture (C).
+/// Strong barrel (A), long and mild (B), and wide with a fold-over just outside the image (C).
 inline CameraModel::Parameters lens_a() { return lens(1280, 720, 900, {-0.35, 0.12, 3e-4, -2e-4}); }
 inline CameraModel::Parameters lens_b() {
   return lens(1920, 1080, 1400, {-0.10, 0.05, -5e-4, 2e-4});
@@ -42,7 +42,7 @@ inline CameraModel::Parameters lens_fisheye() {
 inline CameraModel::Parameters lens_rational() {
   return lens(640, 480, 550, {0.4, -0.2, 5e-4, 2e-4, 0.01, 0.55, -0.1, 0.02}, LensModel::kRational);
 }
-/// Folds over inside the picture: the corners have no rays.
+/// Folds over inside the image: the corners have no rays.
 inline CameraModel::Parameters lens_folding() {
   return lens(640, 480, 420, {-0.6, 0, 2e-4, -3e-4});
 }

@@ -8,25 +8,25 @@
 #include <map>
 #include <numbers>
 
-#include "face_planes.hpp"
 #include "render/overlay_scene.hpp"
 #include "render/random_scenes.hpp"
-#include "render/test_pictures.hpp"
-#include "sightline/render/mesh_levels.hpp"
-#include "sightline/render/mesh_paint.hpp"
-#include "sightline/render/raster.hpp"
-#include "surface_shader.hpp"
+#include "render/raster/face_planes.hpp"
+#include "render/raster/surface_shader.hpp"
+#include "render/test_images.hpp"
+#include "sightline/render/mesh/level_of_detail.hpp"
+#include "sightline/render/mesh/mesh_paint.hpp"
+#include "sightline/render/raster/raster.hpp"
 
 namespace sightline {
 namespace {
 
 using test::Dice;
 
-/// A picture whose pixels are made by a function of x and y.
+/// An image whose pixels are made by a function of x and y.
 template <typename Make>
 std::shared_ptr<const SurfaceTexture> texture(int width, int height, const Make& make) {
-  Picture picture(width, height);
-  const MutableI420View view = picture.mutable_view();
+  Image image(width, height);
+  const MutableI420View view = image.mutable_view();
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       const Yuv c = make(x, y);
@@ -52,7 +52,7 @@ RenderMesh textured_square(float half, std::shared_ptr<const SurfaceTexture> of,
       triangle.corners[k] = out.vertex(f[k]).cast<float>();
       triangle.places[k] =
           repeats * (triangle.corners[k].head<2>() / (2 * half) + Eigen::Vector2f::Constant(0.5f));
-      // Place y counts upwards in mesh files: picture rows grow with the square's y.
+      // Place y counts upwards in mesh files: image rows grow with the square's y.
       triangle.places[k].y() = 1 - triangle.places[k].y();
     }
     triangle.corner_colors.fill({0.5f, 0.5f, 0.5f});
@@ -197,16 +197,16 @@ TEST(SurfaceShader, CreasesStaySharpAndRoundSurfacesAreRound) {
       at->second.first = std::min<int>(at->second.first, shaded.tile.shade(y)[x]);
       at->second.second = std::max<int>(at->second.second, shaded.tile.shade(y)[x]);
     });
-    int most = 0;
-    for (const auto& [face, range] : of_face) most = std::max(most, range.second - range.first);
-    return most;
+    int max = 0;
+    for (const auto& [face, range] : of_face) max = std::max(max, range.second - range.first);
+    return max;
   };
   EXPECT_GT(shades_inside_a_face(tube(0.6f)), 15);
   EXPECT_LE(shades_inside_a_face(tube(0.3f)), 1);
 }
 
 /// Luma says x and u says y of the texture's place; seen at a slant through a strong lens, the
-/// colour of every pixel is that of the place where its ray meets the square.
+/// color of every pixel is that of the place where its ray meets the square.
 TEST(SurfaceShader, TexturesAreInPerspectiveThroughTheLens) {
   const auto ramp = texture(256, 256, [](int x, int y) {
     return Yuv{static_cast<uint8_t>(x), static_cast<uint8_t>(y & ~1), 128};
@@ -226,7 +226,7 @@ TEST(SurfaceShader, TexturesAreInPerspectiveThroughTheLens) {
       Eigen::Vector3d at = Eigen::Vector3d::Zero();
       for (int k = 0; k < 3; ++k)
         at += w[k] * square.vertex(square.faces[face][static_cast<size_t>(k)]);
-      // Texels are pixels of 1/256 with their colour in the middle.
+      // Texels are pixels of 1/256 with their color in the middle.
       const double wanted_x = (at.x() / 0.4 + 0.5) * 256 - 0.5;
       const double wanted_y = (at.y() / 0.4 + 0.5) * 256 - 1;
       if (wanted_x < 8 || wanted_x > 247 || wanted_y < 8 || wanted_y > 246) return;
@@ -248,18 +248,18 @@ TEST(SurfaceShader, FineTexturesDoNotShimmer) {
   });
   const RenderMesh square = textured_square(0.2f, chequered, 4);
   const auto rays = RayTable::build(test::camera(test::lens_a()));
-  int least = 255, most = 0;
+  int min = 255, max = 0;
   for (int step = 0; step < 8; ++step) {
     const Rigid3 pose(Eigen::Quaterniond(Eigen::AngleAxisd(0.7, Eigen::Vector3d::UnitY())),
                       {2e-4 * step, 1e-4 * step, 1.0});
     const Shaded shaded(rays, square, pose, Shading::kFlat, true);
     shaded.for_each_pixel([&](int x, int y) {
-      least = std::min<int>(least, shaded.shader.luma(y)[x]);
-      most = std::max<int>(most, shaded.shader.luma(y)[x]);
+      min = std::min<int>(min, shaded.shader.luma(y)[x]);
+      max = std::max<int>(max, shaded.shader.luma(y)[x]);
     });
   }
-  EXPECT_LE(most - least, 12);
-  EXPECT_GT(least, 60);
+  EXPECT_LE(max - min, 12);
+  EXPECT_GT(min, 60);
 }
 
 TEST(SurfaceTexture, SmallerCopiesKeepTheMean) {
@@ -281,7 +281,7 @@ TEST(SurfaceTexture, SmallerCopiesKeepTheMean) {
     EXPECT_EQ(made->levels().back().texels.size(), 1u);
   }
   const auto large = texture(4100, 6, [](int, int) { return Yuv{77, 100, 150}; });
-  EXPECT_LE(large->levels().front().width, SurfaceTexture::kMostPixels);
+  EXPECT_LE(large->levels().front().width, SurfaceTexture::kMaxPixels);
   for (const SurfaceTexture::Texel t : large->levels().front().texels)
     ASSERT_EQ(t, 77u | 100u << 8 | 150u << 16);
 }
@@ -305,7 +305,7 @@ TEST(SurfaceTexture, Repeats) {
   }
 }
 
-TEST(PaintMesh, FacesTakeTheColoursOfTheirPlace) {
+TEST(PaintMesh, FacesTakeTheColorsOfTheirPlace) {
   RenderMesh mesh = make_render_mesh(make_box({0.2f, 0.2f, 0.2f}));
   MeshSurface surface;
   // In another order and turned around.
@@ -348,24 +348,24 @@ TEST(PaintMesh, CoarserLevelsKeepTheTexture) {
   MeshSurface surface;
   for (const auto& f : torus.faces) {
     SurfaceTriangle t;
-    float most = 0;
+    float max = 0;
     for (size_t k = 0; k < 3; ++k) {
       t.corners[k] = torus.vertex(f[k]).cast<float>();
       const float turn =
           std::atan2(t.corners[k].y(), t.corners[k].x()) / (2 * std::numbers::pi_v<float>);
       // Vertices on the cut are at either end, by the face.
       t.places[k] = {turn < -1e-4f ? turn + 1 : std::max(turn, 0.0f), 0.5f};
-      most = std::max(most, t.places[k].x());
+      max = std::max(max, t.places[k].x());
     }
     for (auto& place : t.places) {
-      if (most > 0.5f && place.x() < 1e-4f) place.x() = 1;
+      if (max > 0.5f && place.x() < 1e-4f) place.x() = 1;
     }
     t.corner_colors.fill({0.5f, 0.5f, 0.5f});
     t.texture = 0;
     surface.triangles.push_back(t);
   }
   paint_mesh(surface, {ramp}, torus);
-  const MeshLevels levels(std::make_shared<const RenderMesh>(torus));
+  const LevelOfDetail levels(std::make_shared<const RenderMesh>(torus));
   ASSERT_GE(levels.levels().size(), 4u);
   const auto rays = RayTable::build(test::camera(test::lens_a()));
   const Rigid3 pose(Dice(9).rotation(), {0, 0, 0.5});
@@ -399,8 +399,8 @@ TEST(PaintMesh, CoarserLevelsKeepTheTexture) {
   }
 }
 
-/// A red and a blue half, drawn opaque: the picture shows them, behind the wall it does not.
-TEST(CameraRenderer, TexturedFillShowsTheMeshsOwnColours) {
+/// A red and a blue half, drawn opaque: the image shows them, behind the wall it does not.
+TEST(CameraRenderer, TexturedFillShowsTheMeshsOwnColors) {
   const Yuv red = to_yuv({230, 40, 40}), blue = to_yuv({40, 60, 230});
   const auto halves = texture(64, 64, [&](int x, int) { return x < 32 ? red : blue; });
   test::OverlayScene scene(322, 241);
@@ -410,22 +410,21 @@ TEST(CameraRenderer, TexturedFillShowsTheMeshsOwnColours) {
   style.fill_opacity = 1;
   const Rigid3 pose(Eigen::Quaterniond::Identity(), {0, 0, 0.8});
   const PoseTrackPtr track = test::track_of({test::estimate_at(pose, TrackState::kTracking)});
-  test::GreyPicture picture(322, 241, 128);
-  test::Nv12Picture other(322, 241, 128);
+  test::GrayImage image(322, 241, 128);
+  test::Nv12Image other(322, 241, 128);
   std::vector<PoseAt> poses;
   const auto draw = [&] {
     (*scene.try_renderer(style))
-        ->draw(picture.mutable_view(), time_from_ns(test::kCapture), std::span(&track, 1), poses);
+        ->draw(image.mutable_view(), time_from_ns(test::kCapture), std::span(&track, 1), poses);
     (*scene.try_renderer(style))
         ->draw(other.mutable_view(), time_from_ns(test::kCapture), std::span(&track, 1), poses);
   };
   draw();
-  EXPECT_TRUE(test::same_pixels(picture.view(), other.view()));
+  EXPECT_TRUE(test::same_pixels(image.view(), other.view()));
   const auto chroma_at = [&](double x, double y) {
     const auto pixel = scene.camera.model.project(pose * Eigen::Vector3d(x, y, 0)).value();
     const int column = static_cast<int>(pixel.x()) / 2, row = static_cast<int>(pixel.y()) / 2;
-    return std::pair{int{picture.view().u.row(row)[column]},
-                     int{picture.view().v.row(row)[column]}};
+    return std::pair{int{image.view().u.row(row)[column]}, int{image.view().v.row(row)[column]}};
   };
   // Under the light, so paler by at most its share.
   EXPECT_LT(chroma_at(-0.06, 0).first, 122);
@@ -433,7 +432,7 @@ TEST(CameraRenderer, TexturedFillShowsTheMeshsOwnColours) {
   EXPECT_GT(chroma_at(0.06, 0).first, 170);
   EXPECT_LT(chroma_at(0.06, 0).second, 125);
   scene.build_wall({0.3, 0, 0.5}, {0.6f, 1.0f, 0.01f});
-  picture.clear(128);
+  image.clear(128);
   draw();
   const Yuv hidden = to_yuv(style.xray_color);
   EXPECT_GT(chroma_at(-0.06, 0).second, 170);
@@ -441,7 +440,7 @@ TEST(CameraRenderer, TexturedFillShowsTheMeshsOwnColours) {
   EXPECT_GT(chroma_at(0.06, 0).second, 132);
 }
 
-/// Out of the picture on every side of a frame of odd size: nothing is read beside it.
+/// Out of the image on every side of a frame of odd size: nothing is read beside it.
 TEST(CameraRenderer, TexturedFillAtTheFramesEdges) {
   const auto plain = texture(8, 8, [](int, int) { return Yuv{120, 90, 170}; });
   test::OverlayScene scene(161, 121);
@@ -454,14 +453,14 @@ TEST(CameraRenderer, TexturedFillAtTheFramesEdges) {
     for (const double y : {-0.25, 0.0, 0.25}) {
       const PoseTrackPtr track = test::track_of({test::estimate_at(
           {Eigen::Quaterniond::Identity(), {x, y, 0.5}}, TrackState::kTracking)});
-      test::GreyPicture picture(161, 121, 128);
+      test::GrayImage image(161, 121, 128);
       std::vector<PoseAt> poses;
       (*scene.try_renderer(style))
-          ->draw(picture.mutable_view(), time_from_ns(test::kCapture), std::span(&track, 1), poses);
+          ->draw(image.mutable_view(), time_from_ns(test::kCapture), std::span(&track, 1), poses);
       size_t covered = 0;
-      for (int row = 0; row < picture.view().u.height; ++row) {
-        for (int column = 0; column < picture.view().u.width; ++column) {
-          const int u = picture.view().u.row(row)[column];
+      for (int row = 0; row < image.view().u.height; ++row) {
+        for (int column = 0; column < image.view().u.width; ++column) {
+          const int u = image.view().u.row(row)[column];
           ASSERT_LE(u, 129);
           ASSERT_GE(u, 88);
           if (u < 110) ++covered;

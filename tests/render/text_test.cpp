@@ -5,18 +5,18 @@
 #include <fstream>
 #include <string>
 
-#include "glyph_atlas.hpp"
-#include "sightline/render/label.hpp"
-#include "sightline/render/overlay_style.hpp"
-#include "test_pictures.hpp"
-#include "text_tile.hpp"
+#include "render/overlay/text/glyph_atlas.hpp"
+#include "render/overlay/text/text_tile.hpp"
+#include "sightline/render/overlay/label.hpp"
+#include "sightline/render/overlay/overlay_style.hpp"
+#include "test_images.hpp"
 
 namespace sightline {
 namespace {
 
-using test::GreyPicture;
+using test::GrayImage;
 
-TEST(OverlayStyle, ColoursAreBt601Limited) {
+TEST(OverlayStyle, ColorsAreBt601Limited) {
   EXPECT_EQ(to_yuv({255, 255, 255}), (Yuv{235, 128, 128}));
   EXPECT_EQ(to_yuv({0, 0, 0}), (Yuv{16, 128, 128}));
   EXPECT_EQ(to_yuv({255, 0, 0}), (Yuv{81, 90, 240}));
@@ -173,36 +173,36 @@ TEST_F(TextTileTest, LegibleOnBrightAndDark) {
   TextTile tile(atlas_, 40, 2);
   tile.set("Häuser 0123", white_);
   for (const int background : {16, 128, 235}) {
-    GreyPicture picture(200, 60, background);
-    blend_tile(tile.at(10, 10), picture.mutable_view());
+    GrayImage image(200, 60, background);
+    blend_tile(tile.at(10, 10), image.mutable_view());
     int darkest = 255;
     int brightest = 0;
-    test::for_each_luma(picture.view(), [&](int, int, int y) {
+    test::for_each_luma(image.view(), [&](int, int, int y) {
       darkest = std::min(darkest, y);
       brightest = std::max(brightest, y);
     });
     EXPECT_LT(darkest, 80) << background;
     EXPECT_GT(brightest, 220) << background;
-    for (const auto& [x, y] : test::differing_luma(picture.view(), background)) {
+    for (const auto& [x, y] : test::differing_luma(image.view(), background)) {
       EXPECT_TRUE(x >= 10 && y >= 10 && x < 10 + tile.width() && y < 10 + tile.height());
     }
   }
 }
 
-TEST_F(TextTileTest, LinesStackAndTakeTheirColours) {
+TEST_F(TextTileTest, LinesStackAndTakeTheirColors) {
   TextTile tile(atlas_, 40, 3);
   tile.set("one", white_);
   const int one = tile.height();
   const std::array<Yuv, 2> colors = {Yuv{81, 90, 240}, Yuv{235, 128, 128}};
   tile.set("one\nthree long\nx", colors);
   EXPECT_NEAR(tile.height(), one + 2 * atlas_->line_height(), 2);
-  GreyPicture picture(200, 90, 100);
-  blend_tile(tile.at(0, 0), picture.mutable_view());
+  GrayImage image(200, 90, 100);
+  blend_tile(tile.at(0, 0), image.mutable_view());
   int top_red = 0;
   int bottom_red = 0;
   for (int y = 0; y < 45; ++y) {
     for (int x = 0; x < 100; ++x) {
-      const bool red = picture.view().v.row(y)[x] > 150;
+      const bool red = image.view().v.row(y)[x] > 150;
       (2 * y < one ? top_red : bottom_red) += red ? 1 : 0;
     }
   }
@@ -218,8 +218,8 @@ TEST_F(TextTileTest, WhatDoesNotFitIsLeftOutAndNothingRemains) {
   TextTile fresh(atlas_, 4, 1);
   tile.set("i", white_);
   fresh.set("i", white_);
-  GreyPicture a(80, 40, 100);
-  GreyPicture b(80, 40, 100);
+  GrayImage a(80, 40, 100);
+  GrayImage b(80, 40, 100);
   blend_tile(tile.at(0, 0), a.mutable_view());
   blend_tile(fresh.at(0, 0), b.mutable_view());
   EXPECT_TRUE(test::same_pixels(a.view(), b.view()));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Themes on bright, dark and cluttered pictures. SIGHTLINE_THEME_SHEET=FILE.ppm writes what is
+// Themes on bright, dark and cluttered images. SIGHTLINE_THEME_SHEET=FILE.ppm writes what is
 // seen.
 #include <gtest/gtest.h>
 
@@ -10,7 +10,7 @@
 
 #include "overlay_scene.hpp"
 #include "render_support.hpp"
-#include "test_pictures.hpp"
+#include "test_images.hpp"
 
 namespace sightline {
 namespace {
@@ -59,9 +59,9 @@ class Shown {
     renderer_ =
         *CameraRenderer::create(scene_.camera, CameraId(0), objects, scene_.rays, scene_.depth, {});
   }
-  void draw(Picture& picture) {
+  void draw(Image& image) {
     std::vector<PoseAt> poses;
-    renderer_->draw(picture.mutable_view(), time_from_ns(kCapture), tracks_, poses);
+    renderer_->draw(image.mutable_view(), time_from_ns(kCapture), tracks_, poses);
   }
   /// Pixels on the silhouette of one of them.
   std::vector<std::pair<int, int>> edge(size_t object) const {
@@ -101,18 +101,18 @@ bool stands_out(const I420View& view, int at_x, int at_y) {
   return high[0] - low[0] >= 45 || high[1] - low[1] >= 35 || high[2] - low[2] >= 35;
 }
 
-/// On plain pictures from black to white the outline of every state is told from what is around it.
+/// On plain images from black to white the outline of every state is told from what is around it.
 TEST(Themes, StandOutOnDarkAndOnBright) {
   for (const std::string_view name : theme_names()) {
     Shown shown(*theme_style(name));
     for (const int luma : {16, 50, 90, 130, 170, 210, 235}) {
-      GreyPicture picture(kWidth, kHeight, luma);
-      shown.draw(picture);
+      GrayImage image(kWidth, kHeight, luma);
+      shown.draw(image);
       for (size_t object = 1; object < 3; ++object) {
         const auto edge = shown.edge(object);
         ASSERT_GT(edge.size(), 100u);
         const auto seen = std::ranges::count_if(
-            edge, [&](const auto& p) { return stands_out(picture.view(), p.first, p.second); });
+            edge, [&](const auto& p) { return stands_out(image.view(), p.first, p.second); });
         // A coasting object's outline has gaps.
         const double wanted = object == 2 ? 0.5 : 0.97;
         EXPECT_GE(static_cast<double>(seen) / static_cast<double>(edge.size()), wanted)
@@ -148,17 +148,17 @@ void copy_into(const I420View& from, const MutableI420View& to, int x, int y) {
 
 TEST(Themes, ContactSheet) {
   const auto names = theme_names();
-  GreyPicture sheet(3 * kWidth, static_cast<int>(names.size()) * kHeight, 128);
+  GrayImage sheet(3 * kWidth, static_cast<int>(names.size()) * kHeight, 128);
   for (size_t row = 0; row < names.size(); ++row) {
     Shown shown(*theme_style(names[row]));
     for (int column = 0; column < 3; ++column) {
-      GreyPicture picture(kWidth, kHeight, column == 0 ? 222 : 28);
-      if (column == 2) clutter(picture.mutable_view());
-      GreyPicture before(kWidth, kHeight, 0);
-      copy_into(picture.view(), before.mutable_view(), 0, 0);
-      shown.draw(picture);
-      EXPECT_FALSE(same_pixels(picture.view(), before.view())) << names[row];
-      copy_into(picture.view(), sheet.mutable_view(), column * kWidth,
+      GrayImage image(kWidth, kHeight, column == 0 ? 222 : 28);
+      if (column == 2) clutter(image.mutable_view());
+      GrayImage before(kWidth, kHeight, 0);
+      copy_into(image.view(), before.mutable_view(), 0, 0);
+      shown.draw(image);
+      EXPECT_FALSE(same_pixels(image.view(), before.view())) << names[row];
+      copy_into(image.view(), sheet.mutable_view(), column * kWidth,
                 static_cast<int>(row) * kHeight);
     }
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tile_compositor.hpp"
+#include "render/overlay/tile/tile_compositor.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,12 +10,12 @@
 #include <random>
 
 #include "sightline/base/cpu.hpp"
-#include "test_pictures.hpp"
+#include "test_images.hpp"
 
 namespace sightline {
 namespace {
 
-using test::GreyPicture;
+using test::GrayImage;
 
 constexpr Yuv kGreen{145, 54, 34};
 constexpr Yuv kViolet{120, 190, 170};
@@ -51,9 +51,9 @@ TEST(TileCompositor, OpaqueFillIsTheMaskExactly) {
   const TileCoverage coverage = compositor.classify(tile, nullptr, 1.01f);
   EXPECT_EQ(coverage.bounds, (TileRect{28, 16, 49, 49}));
   EXPECT_FALSE(coverage.hidden);
-  GreyPicture picture(160, 120, 0);
-  blend_tile(compositor.compose(tile, paint(1, 0)), picture.mutable_view());
-  test::for_each_luma(picture.view(), [&](int x, int y, int luma) {
+  GrayImage image(160, 120, 0);
+  blend_tile(compositor.compose(tile, paint(1, 0)), image.mutable_view());
+  test::for_each_luma(image.view(), [&](int x, int y, int luma) {
     const bool covered =
         tile.rect().contains(x, y) && tile.inverse_depth(y - tile.rect().y)[x - tile.rect().x] > 0;
     EXPECT_EQ(luma != 0, covered) << x << "," << y;
@@ -64,12 +64,12 @@ TEST(TileCompositor, OutlineFollowsTheEdgeWithADarkHalo) {
   const RasterTile tile = disc({20, 10, 64, 60}, 52, 40, 24.3f);
   TileCompositor compositor(160, 120);
   compositor.classify(tile, nullptr, 1.01f);
-  GreyPicture picture(160, 120, 200);
-  blend_tile(compositor.compose(tile, paint(0, 2)), picture.mutable_view());
+  GrayImage image(160, 120, 200);
+  blend_tile(compositor.compose(tile, paint(0, 2)), image.mutable_view());
   double weight = 0;
   double moment = 0;
   int halo = 0;
-  test::for_each_luma(picture.view(), [&](int x, int y, int luma) {
+  test::for_each_luma(image.view(), [&](int x, int y, int luma) {
     const double r = std::hypot(x - 52, y - 40);
     if (luma == 200) return;
     EXPECT_NEAR(r, 24.8, 4.3);
@@ -77,16 +77,16 @@ TEST(TileCompositor, OutlineFollowsTheEdgeWithADarkHalo) {
       ++halo;
       EXPECT_GT(r, 24.8);
     }
-    const int v = picture.view().v.row(y / 2)[x / 2];
+    const int v = image.view().v.row(y / 2)[x / 2];
     weight += 128 - v;
     moment += r * (128 - v);
   });
   EXPECT_GT(halo, 50);
-  // The disc's edge lies half a pixel outside its last covered pixel centres.
+  // The disc's edge lies half a pixel outside its last covered pixel centers.
   EXPECT_NEAR(moment / weight, 24.5, 0.7);
 }
 
-TEST(TileCompositor, NoOutlineAlongTheBorderOfThePicture) {
+TEST(TileCompositor, NoOutlineAlongTheBorderOfTheImage) {
   for (const auto& [width, height] : {std::pair{100, 80}, std::pair{101, 81}}) {
     const TileRect rect{60, 40, ((width + 1) & ~1) - 60, ((height + 1) & ~1) - 40};
     RasterTile tile = disc(rect, 100, 80, 30);
@@ -98,10 +98,10 @@ TEST(TileCompositor, NoOutlineAlongTheBorderOfThePicture) {
     }
     TileCompositor compositor(width, height);
     compositor.classify(tile, nullptr, 1.01f);
-    GreyPicture picture(width, height, 200);
-    blend_tile(compositor.compose(tile, paint(0, 2)), picture.mutable_view());
-    for (int y = 60; y < height; ++y) EXPECT_EQ(picture.view().y.row(y)[width - 1], 200) << y;
-    for (int x = 80; x < width; ++x) EXPECT_EQ(picture.view().y.row(height - 1)[x], 200) << x;
+    GrayImage image(width, height, 200);
+    blend_tile(compositor.compose(tile, paint(0, 2)), image.mutable_view());
+    for (int y = 60; y < height; ++y) EXPECT_EQ(image.view().y.row(y)[width - 1], 200) << y;
+    for (int x = 80; x < width; ++x) EXPECT_EQ(image.view().y.row(height - 1)[x], 200) << x;
   }
 }
 
@@ -111,15 +111,15 @@ TEST(TileCompositor, DashedOutlineHasGaps) {
   compositor.classify(tile, nullptr, 1.01f);
   TilePaint dashed = paint(0, 2);
   dashed.dashed = true;
-  GreyPicture picture(160, 120, 16);
-  blend_tile(compositor.compose(tile, dashed), picture.mutable_view());
+  GrayImage image(160, 120, 16);
+  blend_tile(compositor.compose(tile, dashed), image.mutable_view());
   int changes = 0;
   bool before = false;
   for (int i = 0; i <= 720; ++i) {
     const double angle = i * 3.14159265 / 360;
     const int x = static_cast<int>(std::lround(52 + 24.5 * std::cos(angle)));
     const int y = static_cast<int>(std::lround(40 + 24.5 * std::sin(angle)));
-    const bool on = picture.view().y.row(y)[x] > 60;
+    const bool on = image.view().y.row(y)[x] > 60;
     changes += i > 0 && on != before ? 1 : 0;
     before = on;
   }
@@ -149,8 +149,8 @@ TEST(TileCompositor, ShortcutsChangeNothing) {
   TileCompositor compositor(640, 480);
   for (int round = 0; round < 40; ++round) {
     const int width = 2 * dice(8, 170), height = 2 * dice(8, 60);
-    RasterTile tile, hiders;
-    for (RasterTile* each : {&tile, &hiders}) each->reset({40, 30, width, height});
+    RasterTile tile, occluders;
+    for (RasterTile* each : {&tile, &occluders}) each->reset({40, 30, width, height});
     for (int shape = dice(1, 6); shape > 0; --shape) {
       const int x = dice(4, width - 5), y = dice(4, height - 5), outer = dice(1, width / 2);
       const int inner = dice(0, 1) * dice(0, outer);
@@ -165,10 +165,10 @@ TEST(TileCompositor, ShortcutsChangeNothing) {
     for (int y = 0; y < height; ++y) {
       for (int x = 0; x < width; ++x) {
         tile.shade(y)[x] = static_cast<uint8_t>((3 * x + 5 * y) & 255);
-        if (x < wall) hiders.inverse_depth(y)[x] = 2;
+        if (x < wall) occluders.inverse_depth(y)[x] = 2;
       }
     }
-    if (compositor.classify(tile, hiders, 1.01f).bounds.empty()) continue;
+    if (compositor.classify(tile, occluders, 1.01f).bounds.empty()) continue;
     const TilePaint wanted = paint(0.4f, 3);
     const OverlayTileView view = compositor.compose(tile, wanted);
     // The same from whole rows, but for hatching, which is the compositor's own.
@@ -216,9 +216,9 @@ TEST(TileKernels, ScalarAndAvx2AreBitIdentical) {
   const tile::Kernels& a = tile::kScalarKernels;
   const tile::Kernels& b = tile::kAvx2Kernels;
   std::mt19937 random(7);
-  const auto bytes = [&](size_t n, int most) {
+  const auto bytes = [&](size_t n, int max) {
     std::vector<uint8_t> v(n);
-    for (uint8_t& x : v) x = static_cast<uint8_t>(random() % static_cast<unsigned>(most + 1));
+    for (uint8_t& x : v) x = static_cast<uint8_t>(random() % static_cast<unsigned>(max + 1));
     return v;
   };
   const auto binary = [&](size_t n) {
@@ -269,16 +269,16 @@ TEST(TileKernels, ScalarAndAvx2AreBitIdentical) {
       blurred[i] = inside ? uint8_t{tile::kInside} : uint8_t{0};
     }
     const auto shade = bytes(n, 255), hatch = bytes(n, 255);
-    tile::Look look;
-    look.luma = 190;
-    look.xray_luma = 120;
-    look.fill_alpha = 77;
-    look.outline = {26, 72};
-    look.halo = {1, 270};
+    tile::InkStyle ink_style;
+    ink_style.luma = 190;
+    ink_style.xray_luma = 120;
+    ink_style.fill_alpha = 77;
+    ink_style.outline = {26, 72};
+    ink_style.halo = {1, 270};
     const auto compose = [&](const tile::Kernels& kernels, size_t from, size_t pixels,
                              std::array<std::vector<uint8_t>, 4>& to) {
       kernels.compose(
-          look,
+          ink_style,
           {mask.data() + from, hidden.data() + from, blurred.data() + from,
            blurred_hidden.data() + from, shade.data() + from, hatch.data() + from, 21.0f,
            -17.5f + static_cast<float>(from), 3.5f},
@@ -293,7 +293,7 @@ TEST(TileKernels, ScalarAndAvx2AreBitIdentical) {
     for (size_t from = 0; from < n; from += 31)
       compose(a, from, std::min<size_t>(31, n - from), pieces);
     for (size_t plane = 0; plane < 4; ++plane) EXPECT_EQ(out[0][plane], pieces[plane]) << plane;
-    // Premultiplied: colour never exceeds alpha, inks share the alpha.
+    // Premultiplied: color never exceeds alpha, inks share the alpha.
     for (size_t i = 0; i < n; ++i) {
       EXPECT_LE(out[0][0][i], out[0][1][i] + 1);
       EXPECT_LE(out[0][2][i] + out[0][3][i], out[0][1][i]);
@@ -313,20 +313,20 @@ TEST(TileKernels, ScalarAndAvx2AreBitIdentical) {
     }
     for (int plane = 0; plane < 3; ++plane) EXPECT_EQ(uva[0][plane], uva[1][plane]);
 
-    // The same with colours of each pixel's own.
+    // The same with colors of each pixel's own.
     const auto own = bytes(n, 255);
     std::array<std::array<std::vector<uint8_t>, 5>, 2> colored;
     for (int k = 0; k < 2; ++k) {
       for (auto& plane : colored[k]) plane.assign(n, 3);
       auto& to = colored[k];
       (k == 0 ? a : b)
-          .compose(look,
+          .compose(ink_style,
                    {mask.data(), hidden.data(), blurred.data(), blurred_hidden.data(), shade.data(),
                     hatch.data(), 21.0f, -17.5f, 3.5f, own.data()},
                    {to[0].data(), to[1].data(), to[2].data(), to[3].data(), to[4].data()}, count);
     }
     for (size_t plane = 0; plane < 5; ++plane) EXPECT_EQ(colored[0][plane], colored[1][plane]);
-    EXPECT_EQ(colored[0][1], out[0][1]) << "colours do not change how opaque it is";
+    EXPECT_EQ(colored[0][1], out[0][1]) << "colors do not change how opaque it is";
     for (size_t i = 0; i < n; ++i)
       EXPECT_EQ(colored[0][2][i] + colored[0][4][i], out[0][2][i]) << "inks share the alpha";
     chroma.own_ink[0] = chroma.own_ink[1] = colored[0][4].data();

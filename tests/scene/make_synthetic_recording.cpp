@@ -89,14 +89,14 @@ int main(int argc, char** argv) {
   app.add_option("--step-mm", choice.step_mm, "per frame");
   app.add_option("--turn-deg", choice.turn_deg, "per frame");
   app.add_option("--cameras", choice.cameras, "how many")->check(CLI::Range(1, 8));
-  app.add_option("--spread-deg", choice.spread_deg, "between neighbouring cameras");
+  app.add_option("--spread-deg", choice.spread_deg, "between neighboring cameras");
   app.add_flag("--free-running", choice.free_running, "cameras evenly out of step");
   app.add_option("--skew-ms", choice.skew_ms, "unknown stamp error of the second camera");
   app.add_option("--seconds", choice.seconds, "length")->check(CLI::Range(0.05, 600.0));
   app.add_option("--noise", choice.noise, "levels of 255");
   app.add_option("--blur", choice.blur, "of the lens, one sigma [px]");
   app.add_option("--shutter-ms", choice.shutter_ms, "motion blur");
-  app.add_option("--similarity", choice.similarity, "0..1: the room in the object's colour");
+  app.add_option("--similarity", choice.similarity, "0..1: the room in the object's color");
   app.add_option("--hide", choice.hide, "FROM TO [s]: a card before the camera")->expected(2);
   app.add_option("--hidden-camera", choice.hidden_camera, "which (default: every camera)");
   app.add_option("--seed", choice.seed, "of everything that is random");

@@ -42,10 +42,10 @@ struct Blob {
 };
 Blob blob(const FramePtr& frame) {
   Blob out;
-  const PlaneView grey = frame->grey();
-  for (int y = 0; y < grey.height; ++y) {
-    for (int x = 0; x < grey.width; ++x) {
-      const double weight = grey.row(y)[x] > 60 ? 1 : 0;
+  const PlaneView gray = frame->gray();
+  for (int y = 0; y < gray.height; ++y) {
+    for (int x = 0; x < gray.width; ++x) {
+      const double weight = gray.row(y)[x] > 60 ? 1 : 0;
       out.middle += weight * Eigen::Vector2d(x, y);
       out.area += weight;
     }
@@ -72,11 +72,11 @@ TEST(SceneRig, PutsTheObjectWhereTheLensModelSays) {
     low = low.min(pixel->array());
     high = high.max(pixel->array());
   }
-  const PlaneView grey = frame->grey();
+  const PlaneView gray = frame->gray();
   Eigen::Array2d first(1e9, 1e9), last(-1e9, -1e9);
-  for (int y = 0; y < grey.height; ++y) {
-    for (int x = 0; x < grey.width; ++x) {
-      if (grey.row(y)[x] < 60) continue;
+  for (int y = 0; y < gray.height; ++y) {
+    for (int x = 0; x < gray.width; ++x) {
+      if (gray.row(y)[x] < 60) continue;
       first = first.min(Eigen::Array2d(x - 0.5, y - 0.5));
       last = last.max(Eigen::Array2d(x + 0.5, y + 0.5));
     }
@@ -98,7 +98,7 @@ TEST(SceneRig, NoiseHasTheSizeThatIsAskedFor) {
   int count = 0;
   for (int y = 0; y < 100; ++y) {
     for (int x = 0; x < 320; ++x) {
-      const double d = a->grey().row(y)[x] - b->grey().row(y)[x];
+      const double d = a->gray().row(y)[x] - b->gray().row(y)[x];
       sum += d;
       squares += d * d;
       ++count;
@@ -206,7 +206,7 @@ TEST(SceneRecording, IsARecordingWithItsTruth) {
   ASSERT_THAT(truth, IsOk());
   EXPECT_EQ(truth->size(), 3u);
   EXPECT_THAT(truth->front().world_from_object, PoseNear(options.path(Time{}), 1e-6, 1e-6));
-  // The pictures come back as they were shot.
+  // The images come back as they were shot.
   const SceneRig rig(options);
   auto replay =
       VirtualReplay::open(std::make_shared<const Recording>(std::move(recording).value()));

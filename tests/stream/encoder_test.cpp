@@ -45,8 +45,8 @@ EncoderOptions options() {
   return result;
 }
 
-AnnotatedPicture picture(int number) {
-  return annotated(synthetic_picture(kWidth, kHeight, number), static_cast<uint64_t>(number),
+AnnotatedImage image(int number) {
+  return annotated(synthetic_image(kWidth, kHeight, number), static_cast<uint64_t>(number),
                    time_from_ns(1'000'000'000 + number * 33'000'000LL));
 }
 
@@ -74,7 +74,7 @@ class EveryEncoder : public testing::TestWithParam<std::string> {
   }
 };
 
-TEST_P(EveryEncoder, GivesOneDecodablePacketForEachPictureWithoutDelay) {
+TEST_P(EveryEncoder, GivesOneDecodablePacketForEachImageWithoutDelay) {
   EncoderOptions wanted = options();
   wanted.prefer = {GetParam()};
   Packets packets;
@@ -83,16 +83,16 @@ TEST_P(EveryEncoder, GivesOneDecodablePacketForEachPictureWithoutDelay) {
   EXPECT_EQ((*encoder)->encoder_name(), GetParam());
   H264Decoder decoder;
   for (int n = 0; n < 30; ++n) {
-    const AnnotatedPicture sent = picture(n);
+    const AnnotatedImage sent = image(n);
     (*encoder)->push(sent, kNames);
-    // The packet comes before the next picture: no look-ahead, no frame threads.
+    // The packet comes before the next image: no look-ahead, no frame threads.
     ASSERT_TRUE(eventually([&] { return packets.size() == static_cast<size_t>(n) + 1; })) << n;
     const EncodedPacket packet = packets.at(static_cast<size_t>(n));
     EXPECT_EQ(packet.sequence, static_cast<uint64_t>(n));
     EXPECT_EQ(packet.capture, sent.frame.capture);
     EXPECT_EQ(packet.camera, sent.frame.camera);
     EXPECT_EQ(packet.keyframe, n == 0);
-    EXPECT_LT(difference(decoder.decode(*packet.bytes), *sent.picture), 6.0) << n;
+    EXPECT_LT(difference(decoder.decode(*packet.bytes), *sent.image), 6.0) << n;
 
     const auto sei = parse_sei(*packet.bytes);
     ASSERT_TRUE(sei) << sei.error().message();
@@ -123,7 +123,7 @@ TEST_P(EveryEncoder, MakesAKeyFrameOnRequest) {
   for (int n = 0; n < 20; ++n) {
     // The first request is granted; the second comes too early.
     if (n == 5 || n == 6 || n == 10) (*encoder)->request_keyframe();
-    ASSERT_TRUE((*encoder)->push_and_wait(picture(n), kNames, std::chrono::seconds(20)));
+    ASSERT_TRUE((*encoder)->push_and_wait(image(n), kNames, std::chrono::seconds(20)));
   }
   ASSERT_TRUE((*encoder)->finish(std::chrono::seconds(20)));
   ASSERT_EQ(packets.size(), 20u);
@@ -136,7 +136,7 @@ INSTANTIATE_TEST_SUITE_P(Encoders, EveryEncoder,
                          testing::ValuesIn(known_h264_encoders().begin(),
                                            known_h264_encoders().end()));
 
-TEST(VideoEncoder, ASlowConsumerCostsOldPicturesNotTime) {
+TEST(VideoEncoder, ASlowConsumerCostsOldImagesNotTime) {
   std::latch release(1);
   Packets packets;
   auto sink = packets.sink();
@@ -145,7 +145,7 @@ TEST(VideoEncoder, ASlowConsumerCostsOldPicturesNotTime) {
     sink(std::move(packet));
   });
   ASSERT_TRUE(encoder) << encoder.error().message();
-  for (int n = 0; n < 40; ++n) (*encoder)->push(picture(n), kNames);  // returns although stuck
+  for (int n = 0; n < 40; ++n) (*encoder)->push(image(n), kNames);  // returns although stuck
   release.count_down();
   ASSERT_TRUE((*encoder)->finish(std::chrono::seconds(20)));
   const EncoderCounts counts = (*encoder)->counts();
@@ -156,15 +156,15 @@ TEST(VideoEncoder, ASlowConsumerCostsOldPicturesNotTime) {
   EXPECT_EQ(packets.at(packets.size() - 1).sequence, 39u);  // the newest wins
 }
 
-TEST(VideoEncoder, GivesPicturesBack) {
-  std::weak_ptr<const Picture> seen;
+TEST(VideoEncoder, GivesImagesBack) {
+  std::weak_ptr<const Image> seen;
   Packets packets;
   {
     auto encoder = VideoEncoder::create(options(), "cam", packets.sink());
     ASSERT_TRUE(encoder) << encoder.error().message();
     for (int n = 0; n < 5; ++n) {
-      const AnnotatedPicture sent = picture(n);
-      seen = sent.picture;
+      const AnnotatedImage sent = image(n);
+      seen = sent.image;
       (*encoder)->push(sent, kNames);
     }
   }
@@ -172,26 +172,26 @@ TEST(VideoEncoder, GivesPicturesBack) {
 }
 
 TEST(VideoEncoder, CanBeDestroyedAtAnyMoment) {
-  for (int pictures = 0; pictures < 6; ++pictures) {
+  for (int images = 0; images < 6; ++images) {
     Packets packets;
     auto encoder = VideoEncoder::create(options(), "cam", packets.sink());
     ASSERT_TRUE(encoder) << encoder.error().message();
-    for (int n = 0; n < pictures; ++n) (*encoder)->push(picture(n), kNames);
+    for (int n = 0; n < images; ++n) (*encoder)->push(image(n), kNames);
   }
 }
 
-TEST(VideoEncoder, DropsPicturesOfAnotherSizeAndAfterTheEnd) {
+TEST(VideoEncoder, DropsImagesOfAnotherSizeAndAfterTheEnd) {
   Packets packets;
   auto encoder = VideoEncoder::create(options(), "cam", packets.sink());
   ASSERT_TRUE(encoder) << encoder.error().message();
-  (*encoder)->push(annotated(synthetic_picture(64, 64, 0), 0, Time{}), kNames);
-  (*encoder)->push(AnnotatedPicture{}, kNames);
+  (*encoder)->push(annotated(synthetic_image(64, 64, 0), 0, Time{}), kNames);
+  (*encoder)->push(AnnotatedImage{}, kNames);
   EXPECT_EQ((*encoder)->counts().dropped, 2u);
   ASSERT_TRUE((*encoder)->finish(std::chrono::seconds(20)));
-  (*encoder)->push(picture(0), kNames);
+  (*encoder)->push(image(0), kNames);
   EXPECT_EQ((*encoder)->counts().dropped, 3u);
   EXPECT_EQ(packets.size(), 0u);
-  EXPECT_EQ((*encoder)->push_and_wait(picture(0), kNames, std::chrono::seconds(1)).error().code,
+  EXPECT_EQ((*encoder)->push_and_wait(image(0), kNames, std::chrono::seconds(1)).error().code,
             ErrorCode::kInvalidInput);
 }
 

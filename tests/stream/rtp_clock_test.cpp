@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "rtp_clock.hpp"
+#include "stream/rtp_clock.hpp"
 
 #include <gtest/gtest.h>
 
-namespace sightline {
+namespace sightline::stream {
 namespace {
 
 constexpr int64_t kMs = 1'000'000;
@@ -53,10 +53,10 @@ TEST(RtpClock, GrowsStrictlyWhenCaptureTimesRepeatOrJumpBack) {
   }
 }
 
-TEST(RtpClock, APictureFromBeforeTheStartBeginsAtZero) {
+TEST(RtpClock, AnImageFromBeforeTheStartBeginsAtZero) {
   RtpClock clock;
   EXPECT_EQ(clock.running_time(kSecond - 8 * kMs, kSecond + kMs, kSecond), 0u);
 }
 
 }  // namespace
-}  // namespace sightline
+}  // namespace sightline::stream

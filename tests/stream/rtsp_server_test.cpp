@@ -45,7 +45,7 @@ class FakeCamera {
     encoder_ = *std::move(encoder);
     stream_->on_keyframe_wanted([this] { encoder_->request_keyframe(); });
     stream_->on_wanted([this](bool wanted) { wanted_changes_ += wanted ? 1 : 0; });
-    for (int n = 0; n < 16; ++n) pictures_.push_back(synthetic_picture(kWidth, kHeight, n));
+    for (int n = 0; n < 16; ++n) images_.push_back(synthetic_image(kWidth, kHeight, n));
     thread_ = start_thread("camera", [this](std::stop_token stop) { run(stop); });
   }
   ~FakeCamera() {
@@ -58,15 +58,18 @@ class FakeCamera {
   RtspStream& stream() { return *stream_; }
   uint64_t encoded() const { return encoder_->counts().encoded; }
   int times_wanted() const { return wanted_changes_; }
+  /// Times it had an image to encode, wanted or not.
+  uint64_t offered() const { return offered_; }
 
  private:
   void run(std::stop_token stop) {
     uint64_t n = 0;
     while (!stop.stop_requested()) {
       std::this_thread::sleep_for(milliseconds(20));
+      ++offered_;
       if (!stream_->wanted()) continue;
       const Duration jitter = uneven_ ? milliseconds(n * 7 % 11) : milliseconds(0);
-      encoder_->push(annotated(pictures_[n % 16], n, MonotonicClock::now() - jitter), {});
+      encoder_->push(annotated(images_[n % 16], n, MonotonicClock::now() - jitter), {});
       ++n;
     }
   }
@@ -74,8 +77,9 @@ class FakeCamera {
   const bool uneven_;
   std::shared_ptr<RtspStream> stream_;
   std::unique_ptr<VideoEncoder> encoder_;
-  std::vector<std::shared_ptr<const Picture>> pictures_;
+  std::vector<std::shared_ptr<const Image>> images_;
   std::atomic<int> wanted_changes_{0};
+  std::atomic<uint64_t> offered_{0};
   std::jthread thread_;
 };
 
@@ -152,7 +156,7 @@ std::vector<std::string> ffmpeg(const std::string& url, const std::string& trans
 }
 
 /// Access units of a file that starts each with a delimiter or parameter sets, cut at our messages.
-int decodable_pictures(const std::string& file, int* messages) {
+int decodable_images(const std::string& file, int* messages) {
   const auto content = read_file(file);
   if (!content) return 0;
   const std::vector<uint8_t> bytes(content->begin(), content->end());
@@ -164,13 +168,13 @@ int decodable_pictures(const std::string& file, int* messages) {
   }
   starts.push_back(bytes.size());
   H264Decoder decoder;
-  int pictures = 0;
+  int images = 0;
   for (size_t i = 0; i + 1 < starts.size(); ++i) {
     const auto unit = std::span(bytes).subspan(starts[i], starts[i + 1] - starts[i]);
-    if (decoder.decode(unit).width == kWidth) ++pictures;
+    if (decoder.decode(unit).width == kWidth) ++images;
     if (messages && parse_sei(unit)) ++*messages;
   }
-  return pictures;
+  return images;
 }
 
 std::string scratch_file(const std::string& name) {
@@ -188,7 +192,7 @@ TEST_F(RtspServerTest, TwoClientsPullTwoStreamsOverTcpAndUdpAtOnce) {
   EXPECT_EQ(over_udp.wait(), 0);
   for (const std::string& file : {a, b}) {
     int messages = 0;
-    EXPECT_GE(decodable_pictures(file, &messages), 29) << file;
+    EXPECT_GE(decodable_images(file, &messages), 29) << file;
     EXPECT_GE(messages, 29) << file;
     std::filesystem::remove(file);
   }
@@ -198,7 +202,8 @@ TEST_F(RtspServerTest, NothingIsEncodedUnlessWanted) {
   start();
   FakeCamera camera(*server_, "cam");
   EXPECT_FALSE(camera.stream().wanted());
-  std::this_thread::sleep_for(milliseconds(100));
+  // Not a matter of time: the camera has offered so many images and none was taken.
+  ASSERT_TRUE(eventually([&] { return camera.offered() >= 5; }));
   EXPECT_EQ(camera.encoded(), 0u);
 
   RawRtspClient first = client("cam"), second = client("cam");
@@ -266,7 +271,7 @@ TEST_F(RtspServerTest, ALateViewerStartsWithAKeyFrame) {
   for (int i = 0; i < 40; ++i) ASSERT_TRUE(early.next_packet());
   RawRtspClient late = client("cam");
   ASSERT_EQ(late.play(), 200);
-  // Parameter sets (7) come in sight within a few pictures, not at the end of a 60-picture group.
+  // Parameter sets (7) come in sight within a few images, not at the end of a 60-image group.
   bool found = false;
   for (int i = 0; i < 100 && !found; ++i) {
     const auto packet = late.next_packet();
@@ -292,7 +297,7 @@ TEST_F(RtspServerTest, PacketsDuringTheStartDoNotStopTheStream) {
   auto encoder =
       VideoEncoder::create(options, "cam", [&](EncodedPacket encoded) { packet = encoded; });
   ASSERT_TRUE(encoder) << encoder.error().message();
-  (*encoder)->push(annotated(synthetic_picture(kWidth, kHeight, 0), 0, MonotonicClock::now()), {});
+  (*encoder)->push(annotated(synthetic_image(kWidth, kHeight, 0), 0, MonotonicClock::now()), {});
   ASSERT_TRUE((*encoder)->finish(seconds(20)));
   ASSERT_TRUE(packet.keyframe);
 
@@ -359,14 +364,14 @@ TEST_F(RtspServerTest, AStalledClientDoesNotHoldUpAnother) {
   RawRtspClient healthy = client("cam");
   ASSERT_EQ(healthy.play(), 200);
   std::optional<uint64_t> previous;
-  int pictures = 0;
-  while (pictures < 150) {
+  int images = 0;
+  while (images < 150) {
     const auto packet = healthy.next_packet();
-    ASSERT_TRUE(packet) << "after " << pictures << " pictures; encoded " << camera.encoded()
+    ASSERT_TRUE(packet) << "after " << images << " images; encoded " << camera.encoded()
                         << ", not sent " << camera.stream().dropped();
     for (const SeiMessage& message : messages_in(*packet)) {
       previous = message.sequence;
-      ++pictures;
+      ++images;
     }
   }
   EXPECT_TRUE(camera.stream().wanted());

@@ -189,25 +189,26 @@ TEST(Sei, APoseThatIsNoRigidTransformIsRefused) {
 
 TEST(Sei, LongNamesAreCutAtACharacter) {
   SeiMessage message = example();
-  message.camera = std::string(254, 'x') + "ä";  // 256 bytes; 255 would split the last character
+  message.camera.assign(254, 'x');
+  message.camera += "ä";  // 256 bytes; 255 would split the last character
   const auto parsed = parse_sei(make_sei_nal(message));
   ASSERT_TRUE(parsed);
   EXPECT_EQ(parsed->camera, std::string(254, 'x'));
 }
 
-TEST(Sei, IsBuiltFromAPicture) {
-  AnnotatedPicture picture;
-  picture.frame.epoch = 2;
-  picture.frame.sequence = 99;
-  picture.frame.capture = MonotonicClock::now();
+TEST(Sei, IsBuiltFromAnImage) {
+  AnnotatedImage image;
+  image.frame.epoch = 2;
+  image.frame.sequence = 99;
+  image.frame.capture = MonotonicClock::now();
   PoseAt pose;
   pose.source = PoseSource::kPredicted;
   pose.estimate.object = ObjectId(4);
   pose.estimate.state = TrackState::kCoasting;
   pose.estimate.covariance.diagonal().setConstant(4e-6);
-  picture.poses = {pose, PoseAt{}};
+  image.poses = {pose, PoseAt{}};
   const std::vector<NamedObject> names = {{ObjectId(4), "cup"}};
-  const SeiMessage message = sei_message_of(picture, "top", names);
+  const SeiMessage message = sei_message_of(image, "top", names);
   EXPECT_EQ(message.camera, "top");
   EXPECT_EQ(message.sequence, 99u);
   ASSERT_EQ(message.objects.size(), 2u);
@@ -215,8 +216,7 @@ TEST(Sei, IsBuiltFromAPicture) {
   EXPECT_NEAR(message.objects[0].sigma_translation, 2e-3, 1e-6);
   EXPECT_EQ(message.objects[1].name, "");
   EXPECT_EQ(message.objects[1].source, PoseSource::kNone);
-  EXPECT_NEAR(static_cast<double>(message.capture_utc_ns - utc_ns_of(picture.frame.capture)), 0,
-              1e9);
+  EXPECT_NEAR(static_cast<double>(message.capture_utc_ns - utc_ns_of(image.frame.capture)), 0, 1e9);
 }
 
 }  // namespace

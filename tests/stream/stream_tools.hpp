@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-// What the tests of this room share: pictures, a decoder, child processes, bounded waits.
+// What the tests of this room share: images, a decoder, child processes, bounded waits.
 
 extern "C" {
 #include <libavcodec/avcodec.h>
@@ -38,9 +38,9 @@ inline bool eventually(const std::function<bool()>& done,
 }
 
 /// A gradient that moves with `number`.
-inline std::shared_ptr<const Picture> synthetic_picture(int width, int height, int number) {
-  auto picture = std::make_shared<Picture>(width, height);
-  const MutableI420View view = picture->mutable_view();
+inline std::shared_ptr<const Image> synthetic_image(int width, int height, int number) {
+  auto image = std::make_shared<Image>(width, height);
+  const MutableI420View view = image->mutable_view();
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       view.y.row(y)[x] = static_cast<uint8_t>(40 + (x + y + 4 * number) % 160);
@@ -51,18 +51,18 @@ inline std::shared_ptr<const Picture> synthetic_picture(int width, int height, i
       std::fill_n(plane.row(y), plane.width, static_cast<uint8_t>(128));
     }
   }
-  return picture;
+  return image;
 }
 
-inline AnnotatedPicture annotated(std::shared_ptr<const Picture> picture, uint64_t sequence,
-                                  Time capture) {
-  AnnotatedPicture result;
+inline AnnotatedImage annotated(std::shared_ptr<const Image> image, uint64_t sequence,
+                                Time capture) {
+  AnnotatedImage result;
   result.frame.camera = CameraId(1);
   result.frame.sequence = sequence;
   result.frame.capture = capture;
-  result.frame.width = picture->width();
-  result.frame.height = picture->height();
-  result.picture = std::move(picture);
+  result.frame.width = image->width();
+  result.frame.height = image->height();
+  result.image = std::move(image);
   PoseAt pose;
   pose.source = PoseSource::kEstimated;
   pose.estimate.state = TrackState::kTracking;
@@ -71,7 +71,7 @@ inline AnnotatedPicture annotated(std::shared_ptr<const Picture> picture, uint64
   return result;
 }
 
-/// H.264 access units to pictures, one out for each in.
+/// H.264 access units to images, one out for each in.
 class H264Decoder {
  public:
   H264Decoder() : context_(avcodec_alloc_context3(avcodec_find_decoder(AV_CODEC_ID_H264))) {
@@ -121,9 +121,9 @@ class H264Decoder {
 };
 
 /// Mean absolute luma difference.
-inline double difference(const H264Decoder::Decoded& decoded, const Picture& picture) {
-  if (decoded.width != picture.width() || decoded.height != picture.height()) return 1e9;
-  const PlaneView luma = picture.view().y;
+inline double difference(const H264Decoder::Decoded& decoded, const Image& image) {
+  if (decoded.width != image.width() || decoded.height != image.height()) return 1e9;
+  const PlaneView luma = image.view().y;
   double sum = 0;
   for (int y = 0; y < luma.height; ++y) {
     for (int x = 0; x < luma.width; ++x) {

@@ -69,7 +69,7 @@ Eigen::Vector3f Backdrop::floor_color(const Eigen::Vector3f& p) const {
 }
 
 Eigen::Vector3f Backdrop::wall_color(const Eigen::Vector3f& p) const {
-  // Pictures hang in cells of half a metre; their content is blotches of three scales.
+  // Images hang in cells of half a meter; their content is blotches of three scales.
   const float along = std::abs(p.x()) > std::abs(p.y()) ? p.y() : p.x();
   const int column = static_cast<int>(std::floor(along / 0.5f));
   const int row = static_cast<int>(std::floor(p.z() / 0.4f));
@@ -77,9 +77,9 @@ Eigen::Vector3f Backdrop::wall_color(const Eigen::Vector3f& p) const {
   const float v = p.z() / 0.4f - static_cast<float>(row);
   const float side = p.x() + p.y() > 0 ? 1.0f : 2.0f;
   const float chance = lattice_value(column, row, static_cast<int>(side), options_.seed + 20);
-  const bool picture = chance < 0.6f && u > 0.12f && u < 0.88f && v > 0.1f && v < 0.85f;
+  const bool image = chance < 0.6f && u > 0.12f && u < 0.88f && v > 0.1f && v < 0.85f;
   const float rough = fractal_noise(30 * p, 5, 0.65f, options_.seed + 21);
-  if (!picture) {
+  if (!image) {
     const float stain = fractal_noise(2.2f * p, 5, 0.55f, options_.seed + 22);
     return (0.5f + 0.5f * rough) * (0.5f + stain) * palette(0.5f + side * 0.1f, 23);
   }

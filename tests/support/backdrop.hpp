@@ -15,12 +15,12 @@ struct BackdropOptions {
   int clutter = 40;        ///< boxes about the floor, and as many low ones near the middle
   float floor = -0.35f;    ///< [m] height of the floor
   float keep_free = 1.0f;  ///< [m] no high boxes nearer to the z axis
-  /// How much its colours are those of `like` (0: its own, 1: all of it).
+  /// How much its colors are those of `like` (0: its own, 1: all of it).
   float similarity = 0;
   Eigen::Vector3f like = Eigen::Vector3f::Constant(0.3f);  ///< linear RGB
 };
 
-/// A made-up room: a floor with a pattern, stained walls with pictures on them, clutter, uneven
+/// A made-up room: a floor with a pattern, stained walls with images on them, clutter, uneven
 /// light. The same from every camera, as a real room is. Light is linear RGB, 1 = white.
 class Backdrop {
  public:

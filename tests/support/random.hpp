@@ -12,7 +12,7 @@ namespace sightline::test {
 /// Generator: splitmix64 (Steele, Lea, Flood, 2014).
 class Random {
  public:
-  /// Neighbouring seeds give unrelated sequences.
+  /// Neighboring seeds give unrelated sequences.
   explicit Random(uint64_t seed) : state_(seed) { state_ = bits() ^ 0xD1B54A32D192ED03ull; }
 
   uint64_t bits() {

@@ -18,7 +18,7 @@ struct RayHit {
 };
 
 /// A mesh that rays can be cast at, through a tree of boxes (split by the surface area heuristic:
-/// MacDonald and Booth, 1990). Shares nothing with the product's rasteriser. Immutable.
+/// MacDonald and Booth, 1990). Shares nothing with the product's rasterizer. Immutable.
 class RayMesh {
  public:
   explicit RayMesh(TriangleMesh mesh);

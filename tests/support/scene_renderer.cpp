@@ -60,7 +60,7 @@ const NoiseTable& noise_table() {
   return *table;
 }
 
-/// Gaussian blur of the box [x0, x1) x [y0, y1), reading beyond it as far as the picture goes.
+/// Gaussian blur of the box [x0, x1) x [y0, y1), reading beyond it as far as the image goes.
 void blur(const std::vector<Eigen::Vector3f>& from, int width, int height, int x0, int y0, int x1,
           int y1, double sigma, std::vector<Eigen::Vector3f>& to) {
   const int reach = std::max(1, static_cast<int>(std::ceil(3 * sigma)));
@@ -392,12 +392,12 @@ SceneRenderer::Visible SceneRenderer::visible(const std::vector<SceneBody>& bodi
 }
 
 FramePtr frame_of_rgb(const std::vector<uint8_t>& rgb, const FrameInfo& info) {
-  auto picture = std::make_shared<Picture>(info.width, info.height);
-  const Status done = raw_to_i420(PixelFormat::kRgb24, rgb, 0, picture->mutable_view());
-  SL_CHECK(done.has_value(), "picture of a size that libyuv takes");
+  auto image = std::make_shared<Image>(info.width, info.height);
+  const Status done = raw_to_i420(PixelFormat::kRgb24, rgb, 0, image->mutable_view());
+  SL_CHECK(done.has_value(), "image of a size that libyuv takes");
   FrameInfo complete = info;
   complete.format = PixelFormat::kI420;
-  return Frame::decoded(complete, std::move(picture));
+  return Frame::decoded(complete, std::move(image));
 }
 
 }  // namespace sightline::test

@@ -17,7 +17,7 @@ namespace sightline::test {
 struct Paint {
   enum class Kind : uint8_t {
     kPlain,    ///< `color`
-    kFaces,    ///< the mesh's face colours
+    kFaces,    ///< the mesh's face colors
     kPrinted,  ///< patches, stripes and speckles of several scales, for textured objects
   };
   Kind kind = Kind::kPlain;
@@ -42,8 +42,8 @@ struct Sensor {
   double gamma = 2.2;       ///< 1: linear
 };
 
-/// One camera's pictures of a room and the bodies in it, by rays through the exact lens; shares
-/// nothing with the product's rasteriser. Sixteen samples per pixel where the picture has edges or
+/// One camera's images of a room and the bodies in it, by rays through the exact lens; shares
+/// nothing with the product's rasterizer. Sixteen samples per pixel where the image has edges or
 /// motion, spread over the pixel and the shutter, and four elsewhere in a body's box.
 /// Deterministic. Making one costs about a second (the backdrop); immutable afterwards.
 class SceneRenderer {
@@ -56,7 +56,7 @@ class SceneRenderer {
 
   const CalibratedCamera& camera() const { return camera_; }
 
-  /// The picture whose exposure is centred on `capture`. `noise_seed` chooses the noise. Size and
+  /// The image whose exposure is centerd on `capture`. `noise_seed` chooses the noise. Size and
   /// format of `info` are filled in, the rest of it stays.
   FramePtr shoot(const std::vector<SceneBody>& bodies, Time capture, const Sensor& sensor,
                  uint64_t noise_seed, FrameInfo info) const;

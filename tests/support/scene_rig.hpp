@@ -58,7 +58,7 @@ struct SceneShot {
   Time stamp{};  ///< what the frame says
 };
 
-/// A whole made-up installation with pictures. Immutable; shoot() from any thread.
+/// A whole made-up installation with images. Immutable; shoot() from any thread.
 class SceneRig {
  public:
   explicit SceneRig(const SceneRigOptions& options);
@@ -75,8 +75,8 @@ class SceneRig {
   /// What the shot's frame says of itself.
   FrameInfo info_of(const SceneShot& shot) const;
 
-  /// Share of the object's pixels in the shot's picture that nothing hides; 0 if out of the
-  /// picture.
+  /// Share of the object's pixels in the shot's image that nothing hides; 0 if out of the
+  /// image.
   double visible_share(const SceneShot& shot) const;
 
  private:

@@ -125,9 +125,9 @@ TriangleMesh make_creature(size_t faces) {
 
 TriangleMesh make_truck() {
   TriangleMesh mesh;
-  const Vector3f red(0.62f, 0.06f, 0.05f), grey(0.35f, 0.37f, 0.40f), dark(0.03f, 0.03f, 0.035f),
+  const Vector3f red(0.62f, 0.06f, 0.05f), gray(0.35f, 0.37f, 0.40f), dark(0.03f, 0.03f, 0.035f),
       blue(0.05f, 0.12f, 0.40f), glass(0.10f, 0.20f, 0.26f);
-  append(mesh, make_box({0.150f, 0.060f, 0.014f}), {0, 0, -0.018f}, grey);
+  append(mesh, make_box({0.150f, 0.060f, 0.014f}), {0, 0, -0.018f}, gray);
   append(mesh, make_box({0.044f, 0.064f, 0.050f}), {0.050f, 0, 0.0142f}, red);
   append(mesh, make_box({0.022f, 0.058f, 0.018f}), {0.0605f, 0, 0.0302f}, glass);
   append(mesh, make_box({0.092f, 0.072f, 0.044f}), {-0.029f, 0, 0.0115f}, blue);

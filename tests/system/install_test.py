@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`cmake --install` puts programs, unit, example and man pages where a distribution would."""
 import os
+import re
 import shutil
 import subprocess
 import unittest
@@ -29,17 +30,67 @@ class Install(TemporaryFolder):
             self.assertEqual(done.stderr, "", page)
             self.assertIn("EXIT STATUS", done.stdout)
 
-    def test_unit_is_valid(self):
-        if not shutil.which("systemd-analyze"):
-            self.skipTest("no systemd-analyze")
+    def install_unit(self):
+        """Path and text of the unit as it is installed."""
         subprocess.run(["cmake", "--install", os.path.dirname(BIN), "--prefix", self.path("usr")], check=True,
                        stdout=subprocess.DEVNULL, timeout=WAIT_S)
         unit = self.path("usr", "lib/systemd/system/sightlined.service")
         with open(unit, encoding="utf-8") as file:
-            text = file.read()
+            return unit, file.read()
+
+    def test_unit_is_valid(self):
+        _, text = self.install_unit()
         self.assertNotRegex(text, "@[A-Za-z_]+@")  # every placeholder is filled in
-        for word in ("Type=notify", "WatchdogSec=", "ExecReload=", "DynamicUser=yes"):
+        for line in ("Type=notify", "DynamicUser=yes", "PrivateMounts=yes", "Restart=on-failure"):
+            self.assertIn(line + "\n", text)
+        for word in ("WatchdogSec=", "ExecReload=", "RestartSec="):
             self.assertIn(word, text)
+
+    def test_unit_is_started_again_for_ever_but_not_with_a_wrong_configuration(self):
+        _, text = self.install_unit()
+        sections = text.split("[Service]\n")
+        self.assertIn("StartLimitIntervalSec=0\n", sections[0])  # in [Service] it would be ignored
+        self.assertIn("RestartPreventExitStatus=2\n", sections[1])
+        # What a control process returns does not count for RestartPreventExitStatus=.
+        self.assertNotRegex(text, r"(?m)^ExecStartPre=")
+
+    def test_unit_bounds_memory_and_lets_a_thread_be_niced(self):
+        _, text = self.install_unit()
+        self.assertRegex(text, r"(?m)^MemoryMax=\d+[GM%]$")
+        filters = re.findall(r"(?m)^SystemCallFilter=(.*)$", text)
+        self.assertIn("setpriority", filters[-1].split())  # after what takes @resources away
+
+    def security(self, text):
+        """What `systemd-analyze security` makes of a unit: 0 is closed, 10 is open."""
+        os.makedirs(self.path("judged"), exist_ok=True)
+        unit = self.path("judged", "sightlined.service")
+        with open(unit, "w", encoding="utf-8") as file:
+            file.write(text)
+        done = subprocess.run(["systemd-analyze", "security", "--offline=true", "--no-pager", unit], capture_output=True,
+                              text=True, timeout=WAIT_S, check=False)
+        level = re.search(r"Overall exposure level.*: ([0-9.]+)", done.stdout)
+        if not level:
+            self.skipTest("systemd-analyze does not judge unit files here: " + done.stderr)
+        return float(level.group(1))
+
+    def test_unit_is_closed(self):
+        if not shutil.which("systemd-analyze"):
+            self.skipTest("no systemd-analyze")
+        _, text = self.install_unit()
+        with open(self.path("usr", "share/doc/sightline/examples/sightlined-addresses.conf"), encoding="utf-8") as file:
+            addresses = file.read()
+        alone = self.security(text)
+        self.assertLessEqual(alone, 1.6)
+        self.assertLess(self.security(text + addresses), alone)
+
+    def test_unit_has_no_unknown_keys(self):
+        if not shutil.which("systemd-analyze"):
+            self.skipTest("no systemd-analyze")
+        unit, _ = self.install_unit()
+        done = subprocess.run(["systemd-analyze", "verify", "--man=no", unit], capture_output=True, text=True,
+                              timeout=WAIT_S, check=False)
+        self.assertNotIn("Unknown", done.stderr)
+        self.assertNotIn("Failed to parse", done.stderr)
 
 
 if __name__ == "__main__":

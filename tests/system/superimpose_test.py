@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""`sightline superimpose`: points known in the second camera's frame, in the third camera's picture; against an
+"""`sightline superimpose`: points known in the second camera's frame, in the third camera's image; against an
 independent projection of the truth, and with everything a person may give wrong."""
 import csv
 import json
@@ -105,7 +105,7 @@ class Superimpose(TemporaryFolder):
         self.assertEqual({r["state"] for r in rows}, {"visible"})
         self.assertGreater(os.path.getsize(self.path("out.png")), 100000)
 
-    def test_millimetres_world_frame_and_calibration_toml_come_to_the_same(self):
+    def test_millimeters_world_frame_and_calibration_toml_come_to_the_same(self):
         corners = self.points("mm.txt", self.corners, 1000)
         table, _ = self.run_it("--points", f"corners:{corners}", "--points-frame", "world", "--points-unit", "mm",
                                "--to", f"{CALIBRATION}#side", "--marker", "circle")
@@ -178,7 +178,7 @@ class Superimpose(TemporaryFolder):
         distance = sum((a - b) ** 2 for a, b in zip(place, inside)) ** 0.5
         return cls.in_world(place), distance
 
-    def test_wrong_input_is_refused_by_name_and_leaves_no_picture(self):
+    def test_wrong_input_is_refused_by_name_and_leaves_no_image(self):
         left, side = f"{CALIBRATION}#left", f"{CALIBRATION}#side"
         good = self.points("corners.txt", self.in_left(self.corners))
         behind = self.write("behind.txt", "0 0 1\n# comment\n0 0 -1\n")
@@ -209,7 +209,7 @@ class Superimpose(TemporaryFolder):
                     self.assertIn(word, said)
                 self.assertFalse(os.path.exists(self.path("out.png")))
 
-    def test_damaged_picture_is_refused(self):
+    def test_damaged_image_is_refused(self):
         with open(self.image, "rb") as file:
             content = file.read()
         cut = self.path("cut.png")

@@ -18,10 +18,18 @@ BENCH = os.path.join(ROOT, "recordings", "bench")
 WAIT_S = float(os.environ.get("SIGHTLINE_TEST_WAIT_S", "120"))  # bound of every wait; sanitizers are slow
 
 
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+def fixed_port():
+    """A port for what has to come back at the same place. Below the range from which the kernel hands out ports, so that
+    nothing takes it by chance in between."""
+    for port in range(20000 + os.getpid() % 9000, 30000):
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind(("127.0.0.1", port))
+                return port
+            except OSError:
+                continue
+    raise AssertionError("no port is free")
 
 
 def sightline(*arguments, status=0):
@@ -61,8 +69,9 @@ class TemporaryFolder(unittest.TestCase):
         return path
 
 
-def installation(rtsp, http, cameras=("left", "right", "side"), styles='["circle", "outline", "label"]', extra=""):
-    """An installation file that plays the bundled recording."""
+def installation(rtsp=0, http=0, cameras=("left", "right", "side"), styles='["circle", "outline", "label"]', extra=""):
+    """An installation file that plays the bundled recording. Ports are chosen by the daemon, which names them in its log,
+    so that two tests never race for one."""
     text = f'name = "test"\ncalibration = "{BENCH}/calibration.toml"\n'
     for camera in cameras:
         text += f'[[camera]]\nname = "{camera}"\nsource = "replay:{BENCH}"\n'
@@ -89,9 +98,22 @@ class Daemon:
         self.log = open(self.log_path, "w", encoding="utf-8")
         self.process = subprocess.Popen([os.path.join(BIN, "sightlined"), "--config", config], stderr=self.log,
                                         env=environment)
-        text = read_text(config)
-        self.rtsp = int(re.search(r"\[rtsp\]\nport = (\d+)", text).group(1))
-        self.http = int(re.search(r"\[http\]\nport = (\d+)", text).group(1))
+
+    @property
+    def rtsp(self):
+        return self.port(r"rtsp://127\.0\.0\.1:(\d+)/\S+")
+
+    @property
+    def http(self):
+        return self.port(r"http://127\.0\.0\.1:(\d+)/metrics")
+
+    def port(self, address):
+        """The port of the newest such address in the log; it is written when the daemon is ready."""
+        line = re.compile(rf"\binfo\s+{address}$", re.MULTILINE)  # and nothing else in it: addresses of cameras are elsewhere
+        wait_until(lambda: self.process.poll() is not None or line.search(self.log_text()), "it names its addresses")
+        found = line.findall(self.log_text())
+        assert found, f"the daemon ended: {self.log_text()}"
+        return int(found[-1])
 
     def read_notifications(self):
         while True:
@@ -115,12 +137,18 @@ class Daemon:
     def state(self):
         return json.loads(self.get("/api/state"))
 
-    def metric(self, name, **labels):
+    def find_metric(self, name, **labels):
+        """None where there is no such metric."""
         wanted = name + ("{" + ",".join(f'{k}="{v}"' for k, v in sorted(labels.items())) + "}" if labels else "")
         for line in self.get("/metrics").split("\n"):
             if line.startswith(wanted + " "):
                 return float(line.split()[-1])
-        raise AssertionError(f"no metric {wanted}")
+        return None
+
+    def metric(self, name, **labels):
+        value = self.find_metric(name, **labels)
+        assert value is not None, f"no metric {name} {labels}"
+        return value
 
     def pull(self, camera, frames=20):
         """An ffmpeg client of one stream, not waited for."""
@@ -141,3 +169,22 @@ class Daemon:
             self.process.wait(timeout=WAIT_S)
         self.notify.close()
         self.log.close()
+
+
+class DaemonCase(TemporaryFolder):
+    """Runs daemons and reloads them."""
+
+    def start(self, text=None, **options):
+        self.config = self.write("sightline.toml", text or installation())
+        daemon = Daemon(self.folder, self.config, **options)
+        self.addCleanup(daemon.close)
+        daemon.wait_for_word("READY=1")
+        return daemon
+
+    def reload(self, daemon, text):
+        """Reloads with this text; true if it is in force then."""
+        self.write("sightline.toml", text)
+        before = sum(w == "READY=1" for w in daemon.read_notifications())
+        daemon.process.send_signal(signal.SIGHUP)
+        daemon.wait_for_word("READY=1", count=before + 1)
+        return "refused" not in daemon.state()["config"]

@@ -4,7 +4,7 @@
 // Prints what happens, one event a line, and counts at the end.
 //
 //     capture_probe list
-//     capture_probe formats DEVICE WxH     grabs in every format and compares 75 % colour bars
+//     capture_probe formats DEVICE WxH     grabs in every format and compares 75 % color bars
 //     capture_probe stream DEVICE FORMAT WxH SECONDS
 //                                          streams, opens again after errors
 //     capture_probe libcamera list
@@ -27,10 +27,10 @@
 
 #include "pattern.hpp"
 #include "sightline/base/time.hpp"
-#include "sightline/capture/aravis_source.hpp"
-#include "sightline/capture/device_info.hpp"
-#include "sightline/capture/libcamera_source.hpp"
-#include "sightline/capture/v4l2_source.hpp"
+#include "sightline/capture/aravis/aravis_source.hpp"
+#include "sightline/capture/common/device_info.hpp"
+#include "sightline/capture/libcamera/libcamera_source.hpp"
+#include "sightline/capture/v4l2/v4l2_source.hpp"
 
 namespace {
 
@@ -40,11 +40,11 @@ using namespace std::chrono_literals;
 constexpr int kStripes = 8;
 constexpr int kTolerance = 8;
 
-using Colour = std::array<double, 3>;
-using Stripes = std::array<Colour, kStripes>;
+using Color = std::array<double, 3>;
+using Stripes = std::array<Color, kStripes>;
 
 // 75 % bars: white, yellow, cyan, green, magenta, red, blue, black; limited range.
-Stripes bars(const Colour& weights) {
+Stripes bars(const Color& weights) {
   constexpr std::array<std::array<double, 3>, kStripes> kRgb = {
       {{1, 1, 1}, {1, 1, 0}, {0, 1, 1}, {0, 1, 0}, {1, 0, 1}, {1, 0, 0}, {0, 0, 1}, {0, 0, 0}}};
   Stripes stripes{};
@@ -68,16 +68,16 @@ double mean(const PlaneView& plane, int stripe) {
   return sum / count;
 }
 
-double worst_difference(const I420View& picture, bool colour) {
-  // vivid's grey is the luminance of BT.709.
-  const Stripes expected = colour ? bars({0.299, 0.587, 0.114}) : bars({0.2126, 0.7152, 0.0722});
+double worst_difference(const I420View& image, bool color) {
+  // vivid's gray is the luminance of BT.709.
+  const Stripes expected = color ? bars({0.299, 0.587, 0.114}) : bars({0.2126, 0.7152, 0.0722});
   double worst = 0;
   for (int i = 0; i < kStripes; ++i) {
     const auto& [y, u, v] = expected[static_cast<size_t>(i)];
-    worst = std::max(worst, std::abs(mean(picture.y, i) - y));
-    if (!colour) continue;
-    worst = std::max(worst, std::abs(mean(picture.u, i) - u));
-    worst = std::max(worst, std::abs(mean(picture.v, i) - v));
+    worst = std::max(worst, std::abs(mean(image.y, i) - y));
+    if (!color) continue;
+    worst = std::max(worst, std::abs(mean(image.u, i) - u));
+    worst = std::max(worst, std::abs(mean(image.v, i) - v));
   }
   return worst;
 }
@@ -108,8 +108,8 @@ bool check_format(V4l2Options options, const std::string& format) {
     if (step->frame) frame = step->frame;
   }
   if (!frame) return std::printf("FAIL %s: no frame\n", format.c_str()), false;
-  const bool grey = format == "GREY" || format.starts_with("Y1");
-  const double worst = worst_difference(frame->i420(), !grey);
+  const bool gray = format == "GREY" || format.starts_with("Y1");
+  const double worst = worst_difference(frame->i420(), !gray);
   std::printf("%s %s differs by %.1f, dmabuf %s\n", worst <= kTolerance ? "ok" : "FAIL",
               format.c_str(), worst, frame->payload().dmabuf_fd >= 0 ? "yes" : "no");
   return worst <= kTolerance;
@@ -154,7 +154,7 @@ int stream(Options options, Open open, double seconds) {
   };
   Duration worst_error{0}, worst_age{0};
   while (MonotonicClock::now() < end) {
-    auto source = open(options, CameraId(0), "probe");
+    auto source = open(options, CameraId(0), "probe", std::stop_token());
     if (!source) {
       report(source.error());
       continue;
@@ -226,7 +226,7 @@ size_t differences(Bytes bytes, int width, int height, auto pixel) {
   return wrong;
 }
 
-// The webcam numbers its pictures in the first four bytes.
+// The webcam numbers its images in the first four bytes.
 size_t wrong_in_webcam(Bytes bytes, int width, int height) {
   size_t wrong = 0;
   for (size_t at = 4; at < bytes.size(); at += 2) {
@@ -244,7 +244,7 @@ size_t wrong_in_aravis_fake(Bytes bytes, int width, int height) {
   return differences(bytes, width, height, [&](int x, int y) { return (bytes[0] + x + y) % 255; });
 }
 
-// Our simulator's pictures repeat after a period: some number must fit all of it.
+// Our simulator's images repeat after a period: some number must fit all of it.
 size_t wrong_in_simulator(Bytes bytes, int width, int height) {
   static uint64_t number = 0;
   for (uint64_t tries = 0; tries < gige::kPatternPeriod; ++tries, ++number) {

@@ -137,18 +137,18 @@ def pack(test, programs, root, folder):
 
 
 def make_cameras(folder):
-    """The emulated cameras, and pictures for those that send MJPEG."""
+    """The emulated cameras, and images for those that send MJPEG."""
     for kind in ("uvc", "u3v"):
         subprocess.run(["cc", "-std=gnu11", "-O2", "-Wall", "-Wextra", "-o", os.path.join(folder, "fake-" + kind),
                         os.path.join(HERE, "fakecams", f"fake-{kind}.c")], timeout=120, check=True)
-    pictures = os.path.join(folder, "pictures")
-    os.mkdir(pictures)
+    images = os.path.join(folder, "images")
+    os.mkdir(images)
     subprocess.run(["ffmpeg", "-nostdin", "-loglevel", "error", "-f", "lavfi", "-i", "testsrc=size=320x180:rate=10",
-                    "-frames:v", "10", "-pix_fmt", "yuvj422p", "-q:v", "5", os.path.join(pictures, "%02d.jpg")],
+                    "-frames:v", "10", "-pix_fmt", "yuvj422p", "-q:v", "5", os.path.join(images, "%02d.jpg")],
                    timeout=120, check=True)
     peer = os.path.join(folder, "peer")
     with open(peer, "w", encoding="utf-8") as file:
-        file.write(f"exec {sys.executable} '{HERE}/shelf.py' '{folder}' '{pictures}'\n")
+        file.write(f"exec {sys.executable} '{HERE}/shelf.py' '{folder}' '{images}'\n")
     return peer
 
 

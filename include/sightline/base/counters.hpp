@@ -33,7 +33,7 @@ class Gauge {
 
 using Labels = std::map<std::string, std::string>;
 
-/// All numbers of a process, named and labelled as Prometheus has them
+/// All numbers of a process, named and labeled as Prometheus has them
 /// (`sightline_frames_total{camera="left"}`). Registering allocates and locks; do it once, keep the
 /// reference (it stays valid for the registry's life). The same name and labels give the same one.
 class Registry {
@@ -50,6 +50,10 @@ class Registry {
   Counter& counter(const std::string& name, const std::string& help, const Labels& labels = {});
   Gauge& gauge(const std::string& name, const std::string& help, const Labels& labels = {});
 
+  /// Takes everything that wears this label out of samples(): its camera or object is gone.
+  /// References stay valid; registering one again brings it back, a gauge with 0.
+  void remove(const std::string& label, const std::string& value);
+
   /// All samples, ordered by name, then labels.
   std::vector<Sample> samples() const;
 
@@ -58,6 +62,7 @@ class Registry {
   struct Entry {
     std::string help;
     T value;
+    bool removed = false;
   };
   template <typename T>
   using Table = std::map<std::pair<std::string, Labels>, Entry<T>>;

@@ -14,8 +14,8 @@ namespace sightline {
 Result<std::string> read_file(const std::filesystem::path& path,
                               size_t limit_bytes = size_t{256} << 20);
 
-/// Replaces `path` with `content` so that a crash leaves the old file or the new one, never a part:
-/// written beside it, fsynced, renamed, and the directory fsynced.
+/// Replaces `path` so that a crash leaves the old file or the new one, never a part: written beside
+/// it, synced, renamed. Permissions: by the umask, none that the replaced file did not have.
 Status write_file_atomically(const std::filesystem::path& path, std::string_view content);
 
 /// Stable 64-bit content hash (FNV-1a), for cache keys and calibration epochs; not for security.

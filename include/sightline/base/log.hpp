@@ -10,8 +10,8 @@ namespace sightline::log {
 
 enum class Level { kDebug, kInfo, kWarning, kError };
 
-/// Sends lines to stderr: with time and colour on a terminal, with "<N>" syslog priorities under
-/// systemd (JOURNAL_STREAM is set). Thread-safe; the default level is kInfo.
+/// To stderr: with time and color on a terminal, with "<N>" syslog priorities before each line
+/// under systemd (JOURNAL_STREAM is set). Thread-safe; the default level is kInfo.
 void set_level(Level level);
 Level level();
 void write(Level level, std::string_view line);

@@ -34,7 +34,7 @@ struct Error {
   std::string message() const { return where.empty() ? text : where + ": " + text; }
 };
 
-/// Exit status of a program that ends on this error (DESIGN section 5).
+/// Exit status of a program that ends on this error (CONVENTIONS.md).
 int exit_code(const Error& error);
 
 /// Builds an Error with a formatted text: `make_error(ErrorCode::kIo, path, "cannot read: {}", x)`.

@@ -17,7 +17,7 @@ namespace sightline {
 ///     width = 640                        # [px]
 ///     height = 480
 ///     model = "brown_conrady"            # or "rational", "fisheye" (also called "equidistant")
-///     fx = 612.4                         # [px]; pixel (0,0) is the centre of the top-left pixel
+///     fx = 612.4                         # [px]; pixel (0,0) is the center of the top-left pixel
 ///     fy = 611.7
 ///     cx = 322.8
 ///     cy = 236.1

@@ -11,7 +11,7 @@ namespace sightline {
 
 /// One camera from a file of either kind, as a person names it: "FILE.toml#NAME" (calibration.toml;
 /// the name may be left out where the file has one camera) or "FILE" of OpenCV (YAML, XML, JSON).
-/// The defaults are for OpenCV's files; calibration.toml says everything, in metres.
+/// The defaults are for OpenCV's files; calibration.toml says everything, in meters.
 Result<CalibratedCamera> read_camera(const std::string& name, const CameraFileDefaults& defaults);
 
 }  // namespace sightline

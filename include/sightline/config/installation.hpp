@@ -10,63 +10,38 @@
 
 #include "sightline/base/log.hpp"
 #include "sightline/base/result.hpp"
-#include "sightline/capture/aravis_source.hpp"
-#include "sightline/capture/libcamera_source.hpp"
-#include "sightline/capture/network_source.hpp"
-#include "sightline/capture/v4l2_source.hpp"
+#include "sightline/capture/aravis/gige_action.hpp"
+#include "sightline/config/camera_config.hpp"
 #include "sightline/control/http_server.hpp"
 #include "sightline/fuse/estimator.hpp"
 #include "sightline/geometry/camera_model.hpp"
 #include "sightline/model/object.hpp"
-#include "sightline/observe/background_model.hpp"
-#include "sightline/observe/fiducial_observer.hpp"
-#include "sightline/observe/object_detector.hpp"
-#include "sightline/observe/object_tracker.hpp"
+#include "sightline/observe/detect/detector_options.hpp"
+#include "sightline/observe/fiducial/fiducial_observer.hpp"
+#include "sightline/observe/scene/background_model.hpp"
+#include "sightline/observe/track/object_tracker.hpp"
 #include "sightline/record/writer.hpp"
-#include "sightline/render/camera_renderer.hpp"
-#include "sightline/render/free_view.hpp"
-#include "sightline/render/overlay_style.hpp"
+#include "sightline/render/overlay/camera_renderer.hpp"
+#include "sightline/render/overlay/overlay_style.hpp"
+#include "sightline/render/overlay/virtual_camera.hpp"
 #include "sightline/stream/encoder.hpp"
 #include "sightline/stream/rtsp_server.hpp"
 
 namespace sightline {
 
-enum class CameraRole : uint8_t { kObserveAndStream, kStream, kObserve };
-constexpr bool observes(CameraRole role) { return role != CameraRole::kStream; }
-constexpr bool streams(CameraRole role) { return role != CameraRole::kObserve; }
-
-/// Where a camera's pictures come from: "replay:FOLDER", an RTSP or HTTP address, "aravis:ID",
-/// "v4l2:DEVICE", "libcamera:ID".
-enum class SourceKind : uint8_t { kReplay, kNetwork, kAravis, kV4l2, kLibcamera };
-
-/// One camera of an installation; its index in Installation::cameras is its CameraId.
-struct CameraConfig {
-  std::string name;
-  SourceKind source = SourceKind::kReplay;
-  NetworkOptions network{};  ///< of the four, the one that `source` says is complete, ...
-  AravisOptions aravis{};    ///< ... but for the epoch
-  V4l2Options v4l2{};
-  LibcameraOptions libcamera{};
-  std::filesystem::path recording;  ///< folder of the recording that is played ("replay:...")
-  std::string recorded_as;          ///< name of the camera in it
-  bool loop = true;                 ///< play it again and again
-  double rate_hz = 0;               ///< nominal, for the encoder; 0: what the source says
-  CameraRole role = CameraRole::kObserveAndStream;
-  double gamma = 0;              ///< FiducialOptions::gamma of this camera; 0: that of [observe]
-  CalibratedCamera calibration;  ///< lens, size and place
-  OverlayStyle overlay;          ///< [overlay] with this camera's own changes
-  /// Depth image of the static scene as this camera sees it; empty: none.
-  std::filesystem::path scene_depth{};
-  double scene_depth_scale = 0;      ///< [m] per unit of the image; 0: 0.001 (EXR: 1)
-  uint64_t scene_depth_content = 0;  ///< hash of the image
-  std::string where;                 ///< "file:line:column" of its table, for later errors
-};
-
 /// One object; its index in Installation::objects is its ObjectId.
 struct ObjectConfig {
   ObjectDescription description;
-  uint64_t content = 0;  ///< hash of object file and mesh, so that a reload sees a change
-  std::string where;
+  uint64_t content = 0;  ///< hash of object file, mesh and features
+  TablePlace place{};
+  std::optional<Rigid3> start{};  ///< world_from_object, about, at the start
+  bool start_last = false;        ///< there where it was last, before the start
+
+  /// By hash what the files say, and which they are; where it starts matters to nothing that runs.
+  bool operator==(const ObjectConfig& other) const {
+    return content == other.content && description.file == other.description.file &&
+           description.mesh == other.description.mesh;
+  }
 };
 
 /// Static things that hide objects.
@@ -75,75 +50,95 @@ struct SceneConfig {
   double meters_per_unit = 1.0;
   uint64_t content = 0;  ///< hash of the files
   bool learn = false;    ///< what hides objects is learned from the cameras as well
+
+  bool operator==(const SceneConfig&) const = default;
 };
 
-/// One free view; served as a stream of its own.
-struct ViewConfig {
+/// One virtual camera; served as a stream of its own.
+struct VirtualCameraConfig {
   std::string name;
   ViewPoint point;
   double rate_hz = 15;
   double grid_m = 0;      ///< 0: what fits the rig
   OverlayStyle overlay;   ///< of the objects in it
   CalibratedCamera view;  ///< the camera that the point makes
-  std::string where;
+  TablePlace place{};
+
+  bool operator==(const VirtualCameraConfig&) const = default;
 };
 
 /// Stereo points of the tracked objects, live.
 struct PointsConfig {
   bool enabled = true;
-  double rate_hz = 1;    ///< at most; a look rests nine times as long as it took
+  double rate_hz = 1;    ///< at most; after each the thread pauses nine times as long as it took
   bool overlay = false;  ///< the cameras' streams show them too
+
+  bool operator==(const PointsConfig&) const = default;
 };
 
 struct RtspConfig {
   bool enabled = true;
   RtspOptions server;
+
+  bool operator==(const RtspConfig&) const = default;
 };
 
 struct HttpConfig {
   bool enabled = true;
   HttpOptions server;
+
+  bool operator==(const HttpConfig&) const = default;
 };
 
 /// Action commands of GigE Vision at a rate: the trigger of cameras whose trigger is "Action1".
 struct ActionConfig {
   double rate_hz = 0;  ///< 0: none
   GigeAction command;
+
+  bool operator==(const ActionConfig&) const = default;
 };
 
 struct RecordConfig {
   bool enabled = false;
   std::filesystem::path directory;  ///< each run makes a folder of its own in it
   RawStorage raw_storage = RawStorage::kRaw;
+
+  bool operator==(const RecordConfig&) const = default;
 };
 
 /// How objects are looked for that nobody knows the place of.
 struct DetectConfig {
   bool enabled = true;
   Duration interval = std::chrono::milliseconds(100);  ///< between searches for one object
-  DetectorOptions detector;                            ///< nearest, farthest, accept, margin
+  double max_load = 0.5;         ///< share of a core, of searches for what is not found for 10 s
+  DetectorOptions detector;      ///< nearest, farthest, accept, margin
   bool silhouettes = true;       ///< learn what the cameras see without the object, and use it
   BackgroundOptions background;  ///< learn, absorb
+
+  bool operator==(const DetectConfig&) const = default;
 };
 
 struct DaemonConfig {
   log::Level log_level = log::Level::kInfo;
+
+  bool operator==(const DaemonConfig&) const = default;
 };
 
 /// An installation file, read and checked against everything it names. Paths are absolute or
 /// relative to the working directory.
 struct Installation {
   std::filesystem::path file;  ///< itself; the folder for recording_installation()
+  std::string content;         ///< content_hash() of its text, 16 hexadecimal digits
   std::string name;
   std::filesystem::path calibration;
   std::vector<CameraConfig> cameras;
   std::vector<ObjectConfig> objects;
-  std::vector<ViewConfig> views;
+  std::vector<VirtualCameraConfig> virtual_cameras;
   SceneConfig scene;
-  RenderOptions render;     ///< the parts of [overlay] that all cameras share
-  FiducialOptions observe;  ///< [observe]
-  DetectConfig detect;      ///< [detect]
-  TrackerOptions tracker;   ///< defaults
+  RenderOptions render;      ///< the parts of [overlay] that all cameras share
+  FiducialOptions fiducial;  ///< [fiducial]
+  DetectConfig detect;       ///< [detect]
+  TrackerOptions tracker;    ///< defaults
   PointsConfig points;
   EstimatorOptions estimator;
   RtspConfig rtsp;
@@ -160,12 +155,18 @@ struct RecordedCameraEntry {
   int width = 0, height = 0;
 };
 
+struct ImageSize {
+  int width = 0, height = 0;
+};
+
 /// What reading an installation asks of the world beside its text. Tests and fuzzers bring their
 /// own.
 struct InstallationFiles {
   std::function<Result<std::vector<CalibratedCamera>>(const std::filesystem::path&)> calibration;
   std::function<Result<ObjectDescription>(const std::filesystem::path&)> object;
   std::function<Result<std::vector<RecordedCameraEntry>>(const std::filesystem::path&)> recording;
+  /// Of a depth image that can be read.
+  std::function<Result<ImageSize>(const std::filesystem::path&)> depth_image_size;
   std::function<bool(const std::filesystem::path&)> is_file;
   std::function<bool(const std::filesystem::path&)> is_directory;
   std::function<uint64_t(const std::filesystem::path&)> content;  ///< hash; 0 if unreadable
@@ -186,23 +187,28 @@ Result<Installation> parse_installation(std::string_view text, const std::filesy
 /// defaults for the rest, and no server. Camera and object ids are those of the recording.
 Result<Installation> recording_installation(const std::filesystem::path& folder);
 
-/// Whether any camera or view draws meshes in their own colours, so that these must be read.
+/// Whether any camera or view draws meshes in their own colors, so that these must be read.
 bool shows_textures(const Installation& installation);
 
 /// What differs between two installations, so that a reload restarts only that. Cameras and objects
 /// are matched by name, names in the order of the new (removed: of the old) file.
 struct InstallationChanges {
   std::vector<std::string> cameras_added, cameras_removed;
-  std::vector<std::string> cameras_changed;   ///< source, role, rate or calibration
+  std::vector<std::string> cameras_changed;   ///< anything but the overlay
   std::vector<std::string> cameras_restyled;  ///< only the overlay
   std::vector<std::string> objects_added, objects_removed, objects_changed;
-  bool views = false;       ///< any of the free views
-  bool camera_ids = false;  ///< a camera that stays has another CameraId now
+  bool name = false;
+  bool scene_depth = false;  ///< of a camera that stays; it is one of cameras_changed
+  bool calibration = false;  ///< another file; what it says is the cameras'
+  bool views = false;        ///< any of the virtual cameras
+  bool camera_ids = false;   ///< a camera that stays has another CameraId now
   bool object_ids = false;
   bool surfaces = false;  ///< textures of the meshes, or their creases
-  bool scene = false, render = false, observe = false, estimator = false;
+  bool observe = false;   ///< options of markers, search, tracking or points
+  bool scene = false, render = false, estimator = false, action = false;
   bool rtsp = false, encoder = false, http = false, record = false, daemon = false;
-  bool action = false;
+
+  bool operator==(const InstallationChanges&) const = default;
 
   bool none() const;
   /// One line for the log: "camera left changed; overlay of side; rtsp", "nothing".

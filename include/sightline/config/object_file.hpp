@@ -25,8 +25,9 @@ Result<ObjectDescription> parse_object_file(
     std::string_view text, const std::filesystem::path& path,
     const std::function<bool(const std::filesystem::path&)>& is_file);
 
-/// Cues by name ("fiducial", "region", "edge", "texture"), as in the key `cues` of an object file
-/// and in `sightline replay --cues`. Those that are not named are off.
-Result<Cues> parse_cues(const std::vector<std::string>& names, const std::string& where);
+/// Modalities by name ("fiducial", "region", "edge", "texture"), as in the key `modalities` of an
+/// object file and in `sightline replay --modalities`. Those that are not named are off.
+Result<Modalities> parse_modalities(const std::vector<std::string>& names,
+                                    const std::string& where);
 
 }  // namespace sightline

@@ -8,9 +8,9 @@
 #include "sightline/base/ids.hpp"
 #include "sightline/base/result.hpp"
 #include "sightline/base/time.hpp"
-#include "sightline/model/lookalikes.hpp"
 #include "sightline/model/observation.hpp"
 #include "sightline/model/pose_track.hpp"
+#include "sightline/model/shape_symmetry.hpp"
 
 namespace sightline {
 
@@ -50,13 +50,15 @@ struct EstimatorOptions {
   double reacquire_sigma_translation = 0.1;  ///< [m] a prediction looser than this proves nothing:
   double reacquire_sigma_rotation = 0.35;    ///< [rad] starts are tried again and confirmed again
 
-  /// A camera whose newest look saw the object speaks for it this many of its own frame periods.
+  /// A camera that saw the object in its newest frame holds it for this many of its frame periods.
   double hold_periods = 1.5;
   Duration max_hold = std::chrono::milliseconds(250);
   /// advance(): silence on top of that before `coasting`; covers detection time and transport.
   Duration silence = PoseTrack::kFreshFor;
   Duration lost_after = PoseTrack::kCoastLimit;         ///< after the last accepted measurement
   Duration searching_after = std::chrono::seconds(10);  ///< after it, `lost` becomes `searching`
+
+  bool operator==(const EstimatorOptions&) const = default;
 };
 
 /// What one set of observations came to.
@@ -65,7 +67,7 @@ struct UpdateReport {
   /// covariance mean something if has_pose(estimate.state).
   PoseEstimate estimate;
   CameraSet accepted = 0;  ///< cameras whose measurement took part
-  CameraSet gated = 0;     ///< cameras that contradict the rest and lost their vote
+  CameraSet gated = 0;     ///< cameras that contradict the rest and were refused
   int hypotheses = 0;      ///< poses still possible
   int iterations = 0;      ///< of the update (best hypothesis)
   bool late = false;       ///< inserted before sets that were processed already
@@ -91,10 +93,10 @@ struct EstimatorCounters {
 /// snapshots it returns are.
 class ObjectEstimator {
  public:
-  /// Refuses options that are out of range, naming them. `lookalikes`: poses that the object's
+  /// Refuses options that are out of range, naming them. `shape_symmetry`: poses that the object's
   /// shape cannot tell apart; while nothing else tells them apart the state is `degraded`.
   static Result<ObjectEstimator> create(const EstimatorOptions& options, ObjectId object,
-                                        const Lookalikes& lookalikes = {});
+                                        const ShapeSymmetry& shape_symmetry = {});
   ~ObjectEstimator();
   ObjectEstimator(ObjectEstimator&&) noexcept;
   ObjectEstimator& operator=(ObjectEstimator&&) noexcept;
@@ -102,9 +104,9 @@ class ObjectEstimator {
   /// Takes observations that share one capture time (one camera, or several that expose together);
   /// they enter one joint update. Sets may come out of order: one that is older than the newest is
   /// put where it belongs and the later ones are replayed, with the result of in-order delivery.
-  /// A further set of the same capture time joins the earlier one; of two looks of one camera the
+  /// A further set of the same capture time joins the earlier one; of two of one camera the
   /// first counts, unless only the second (a slower one) saw the object. Observations of other
-  /// objects are ignored. An observation without terms means "looked and did not see it": always
+  /// objects are ignored. An observation without terms means "searched and not seen": always
   /// pass it.
   UpdateReport process(std::span<const Observation> set);
 

@@ -18,7 +18,7 @@ enum class LensModel {
   kFisheye,       ///< equidistant: k1 k2 k3 k4      (4)
 };
 
-/// Pinhole with distortion. Camera axes x right, y down, z forward; pixel (0,0) is the centre of
+/// Pinhole with distortion. Camera axes x right, y down, z forward; pixel (0,0) is the center of
 /// the top-left pixel. Immutable; safe for any number of threads; nothing allocates.
 class CameraModel {
  public:
@@ -28,33 +28,38 @@ class CameraModel {
     int height = 0;                         ///< [px]
     double fx = 0, fy = 0, cx = 0, cy = 0;  ///< [px]
     std::array<double, 8> distortion{};     ///< in the order of LensModel
+
+    bool operator==(const Parameters&) const = default;
   };
 
-  /// Refuses sizes outside 1..32768, focal lengths that are not positive, and numbers that are not
-  /// finite, and coefficients the lens model does not have. `where` names the camera or the file
-  /// line.
+  /// Refuses sizes outside 1..32768, numbers that are not finite, coefficients the model does not
+  /// have or beyond 1e12, focal lengths outside 0.01..10,000 and a principal point beyond 100
+  /// longer sides of the image (docs/formats.md). `where` names the camera or the file line.
   static Result<CameraModel> create(const Parameters& parameters, const std::string& where);
 
   const Parameters& parameters() const { return parameters_; }
+  friend bool operator==(const CameraModel& a, const CameraModel& b) {
+    return a.parameters_ == b.parameters_;
+  }
   int width() const { return parameters_.width; }
   int height() const { return parameters_.height; }
 
   /// Pixel of a point in the camera's frame [m], with d(pixel)/d(point) where asked. Empty for a
   /// point behind the camera (z <= 0; fisheye: straight behind) or beyond max_valid_radius().
-  /// A pixel outside the picture is returned as it is.
+  /// A pixel outside the image is returned as it is.
   std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& point_in_camera,
                                          Eigen::Matrix<double, 2, 3>* jacobian = nullptr) const;
 
   /// Unit ray of a pixel in the camera's frame; project(unproject(p)) = p to 1e-6 px inside the
-  /// picture. Empty where the lens polynomial has no inverse.
+  /// image. Empty where the lens polynomial has no inverse.
   std::optional<Eigen::Vector3d> unproject(const Eigen::Vector2d& pixel) const;
 
-  /// Radius at which the lens polynomial folds over: in normalised coordinates hypot(x/z, y/z) for
+  /// Radius at which the lens polynomial folds over: in normalized coordinates hypot(x/z, y/z) for
   /// pinhole lenses, the angle to the axis [rad] for fisheye. Infinite (pi for fisheye) where it
   /// never folds. The radial part alone counts: the tangential terms are small.
   double max_valid_radius() const { return max_valid_radius_; }
 
-  /// True if the pixel lies inside the picture (pixel areas, so from -0.5 to size - 0.5).
+  /// True if the pixel lies inside the image (pixel areas, so from -0.5 to size - 0.5).
   bool contains(const Eigen::Vector2d& pixel) const;
 
  private:
@@ -70,6 +75,8 @@ struct CalibratedCamera {
   CameraModel model;
   Rigid3 world_from_camera;
   double rms_px = 0.5;  ///< of its calibration; floor for measurement noise
+
+  bool operator==(const CalibratedCamera&) const = default;
 };
 
 }  // namespace sightline

@@ -56,7 +56,7 @@ Result<TriangleMesh> parse_3vn(std::string_view text, const std::string& where,
 Result<TriangleMesh> finish_mesh(TriangleMesh mesh, const std::string& where,
                                  const MeshOptions& options = {});
 
-/// Axis-aligned box centred at the origin, outward faces; sides in metres. For tests and examples.
+/// Axis-aligned box centered at the origin, outward faces; sides in meters. For tests and examples.
 TriangleMesh make_box(const Eigen::Vector3f& size);
 /// Closed torus about z whose tube is bumpy, of about `faces` triangles (at least 32), fitting a
 /// sphere of `radius` [m]. Not convex. For tests and benchmarks.

@@ -26,7 +26,7 @@ struct Rigid3 {
   Eigen::Vector3d translation = Eigen::Vector3d::Zero();
 
   Rigid3() = default;
-  /// Normalises `q`.
+  /// Normalizes `q`.
   Rigid3(const Eigen::Quaterniond& q, const Eigen::Vector3d& t)
       : rotation(q.normalized()), translation(t) {}
 
@@ -43,6 +43,11 @@ struct Rigid3 {
   Eigen::Vector3d operator*(const Eigen::Vector3d& point_in_source) const;
   Eigen::Matrix4d matrix() const;
   Eigen::Matrix3d rotation_matrix() const { return rotation.toRotationMatrix(); }
+
+  /// Exactly the same numbers.
+  friend bool operator==(const Rigid3& a, const Rigid3& b) {
+    return a.rotation.coeffs() == b.rotation.coeffs() && a.translation == b.translation;
+  }
 
   /// (*this) * exp(d) = exp(adjoint() * d) * (*this)
   Matrix6 adjoint() const;

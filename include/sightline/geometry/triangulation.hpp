@@ -22,7 +22,7 @@ struct TriangulatedPoint {
   double rms_px = 0;                                         ///< reprojection error
 };
 
-/// The point that minimises the weighted squared reprojection error in two or more cameras:
+/// The point that minimizes the weighted squared reprojection error in two or more cameras:
 /// midpoint of the rays, then Gauss-Newton through the full lens. The covariance is the inverse of
 /// the normal matrix (Hartley & Zisserman, 2nd ed., section 5.2). Refused: fewer than two sights,
 /// rays that are parallel, a point behind a camera.

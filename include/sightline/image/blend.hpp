@@ -5,9 +5,9 @@
 
 namespace sightline {
 
-/// A small premultiplied YUV picture to lay over a frame: planar, already in the frame's colours,
-/// with full-size alpha for luma and quarter-size alpha for chroma. Colour planes hold value *
-/// alpha / 255. Blending: out = colour + in * (255 - alpha) / 255, rounded.
+/// A small premultiplied YUV image to lay over a frame: planar, already in the frame's colors,
+/// with full-size alpha for luma and quarter-size alpha for chroma. Color planes hold value *
+/// alpha / 255. Blending: out = color + in * (255 - alpha) / 255, rounded.
 struct OverlayTileView {
   int x = 0;  ///< top-left corner in the frame, even
   int y = 0;

@@ -49,7 +49,7 @@ enum class PixelFormat : uint8_t {
   kNv12,
   kYuyv,
   kUyvy,
-  kGrey,
+  kGray,
   kY10,
   kY12,
   kY16,

@@ -11,16 +11,16 @@
 
 namespace sightline {
 
-/// The part of a camera's picture that one mesh touches: inverse depth 1/z [1/m] of the nearest
-/// surface at each pixel centre, 0 where there is none.
+/// The part of a camera's image that one mesh touches: inverse depth 1/z [1/m] of the nearest
+/// surface at each pixel center, 0 where there is none.
 struct DepthTile {
-  int x = 0, y = 0;           ///< top-left pixel of the tile in the picture
+  int x = 0, y = 0;           ///< top-left pixel of the tile in the image
   int width = 0, height = 0;  ///< 0: the mesh is out of sight
   ptrdiff_t stride = 0;       ///< floats from row to row
   const float* data = nullptr;
 
   const float* row(int tile_y) const { return data + tile_y * stride; }
-  /// By picture pixel; 0 outside the tile.
+  /// By image pixel; 0 outside the tile.
   float at(int px, int py) const {
     const int tx = px - x, ty = py - y;
     if (tx < 0 || ty < 0 || tx >= width || ty >= height) return 0;

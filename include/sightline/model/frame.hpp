@@ -9,7 +9,7 @@
 
 #include "sightline/base/ids.hpp"
 #include "sightline/base/time.hpp"
-#include "sightline/image/picture.hpp"
+#include "sightline/image/image.hpp"
 #include "sightline/image/planes.hpp"
 
 namespace sightline {
@@ -50,46 +50,45 @@ class Frame;
 /// Frames are immutable and counted; dropping the last reference returns the buffer to its source.
 using FramePtr = std::shared_ptr<const Frame>;
 
-/// One picture of one camera. Any thread may read any frame.
+/// One image of one camera. Any thread may read any frame.
 class Frame {
   struct Key {};  // only the two makers below have it
 
  public:
   /// A frame whose pixels are decoded already (replay, MJPEG, H.264). `payload` may be empty.
-  /// `pool` (of the frame's size) lends the half-size picture; without it, that one is allocated.
-  static FramePtr decoded(const FrameInfo& info, std::shared_ptr<const Picture> picture,
-                          FramePayload payload = {}, std::shared_ptr<PicturePool> pool = nullptr);
-  /// A frame in a raw pixel format; I420 is made from the payload on first demand, into a picture
+  /// `pool` (of the frame's size) lends the half-size image; without it, that one is allocated.
+  static FramePtr decoded(const FrameInfo& info, std::shared_ptr<const Image> image,
+                          FramePayload payload = {}, std::shared_ptr<ImagePool> pool = nullptr);
+  /// A frame in a raw pixel format; I420 is made from the payload on first demand, into an image
   /// of `pool`. The payload must hold width x height pixels of info.format: the source checks what
-  /// the device gave (raw_picture_bytes()) before it makes a frame.
-  static FramePtr raw(const FrameInfo& info, FramePayload payload,
-                      std::shared_ptr<PicturePool> pool);
+  /// the device gave (raw_image_bytes()) before it makes a frame.
+  static FramePtr raw(const FrameInfo& info, FramePayload payload, std::shared_ptr<ImagePool> pool);
 
-  Frame(Key, const FrameInfo& info, FramePayload payload, std::shared_ptr<PicturePool> pool,
-        std::shared_ptr<const Picture> picture);
+  Frame(Key, const FrameInfo& info, FramePayload payload, std::shared_ptr<ImagePool> pool,
+        std::shared_ptr<const Image> image);
 
   const FrameInfo& info() const { return info_; }
   const FramePayload& payload() const { return payload_; }
 
-  /// The picture in I420, made once and shared; render copies it, never draws into it.
+  /// The image in I420, made once and shared; render copies it, never draws into it.
   I420View i420() const;
-  /// Writes the picture into `to` (same size). Taken from the shared picture if that has been made,
+  /// Writes the image into `to` (same size). Taken from the shared image if that has been made,
   /// else straight from the camera's bytes, without making it: each pixel is touched once.
   void copy_i420_to(const MutableI420View& to) const;
-  /// The luma plane (of a grey or planar payload without conversion, so grey is full range there).
-  PlaneView grey() const;
-  /// grey() at half size (width/2 x height/2), made once and shared.
-  PlaneView half_grey() const;
+  /// The luma plane (of a gray or planar payload without conversion, so gray is full range there).
+  PlaneView gray() const;
+  /// gray() at half size (width/2 x height/2), made once and shared.
+  PlaneView half_gray() const;
 
  private:
   FrameInfo info_;
   FramePayload payload_;
-  std::shared_ptr<PicturePool> pool_;
-  bool decoded_;  ///< the picture was there from the start
-  mutable std::once_flag picture_once_, half_once_;
-  mutable std::shared_ptr<const Picture> picture_;
-  mutable std::shared_ptr<const Picture> half_;
-  mutable std::atomic<bool> picture_made_{false};
+  std::shared_ptr<ImagePool> pool_;
+  bool decoded_;  ///< the image was there from the start
+  mutable std::once_flag image_once_, half_once_;
+  mutable std::shared_ptr<const Image> image_;
+  mutable std::shared_ptr<const Image> half_;
+  mutable std::atomic<bool> image_made_{false};
 };
 
 }  // namespace sightline

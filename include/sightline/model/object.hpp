@@ -10,7 +10,7 @@
 
 namespace sightline {
 
-/// One square marker on an object. Fiducial frame: origin at its centre, x right, y up, z out of
+/// One square marker on an object. Fiducial frame: origin at its center, x right, y up, z out of
 /// the print.
 struct Fiducial {
   std::string family;  ///< AprilTag ("tag36h11", ...) or ArUco dictionary ("aruco_4x4_50", ...)
@@ -32,17 +32,17 @@ struct CharucoBoard {
 enum class Symmetry : uint8_t { kNone, kAxis, kDiscrete };
 
 /// By what an object may be measured.
-struct Cues {
+struct Modalities {
   bool fiducial = true;  ///< markers and board that are on it
-  bool region = true;    ///< its outline, by colour
+  bool region = true;    ///< its outline, by color
   bool edge = true;      ///< its outline and creases, by brightness
-  bool texture = true;   ///< its print
+  bool texture = true;   ///< patches and corners of its surface
 
-  /// Its own look, without markers.
-  bool look() const { return region || edge || texture; }
+  /// By its own appearance, without markers.
+  bool appearance() const { return region || edge || texture; }
 };
 
-/// An object file (object.toml, DESIGN section 5), read and checked.
+/// An object file (object.toml, docs/formats.md), read and checked.
 struct ObjectDescription {
   std::string name;
   std::filesystem::path file;  ///< the object file itself
@@ -53,8 +53,8 @@ struct ObjectDescription {
   int symmetry_order = 1;                                    ///< turns of 360/n deg, for kDiscrete
   std::vector<Fiducial> fiducials;
   std::optional<CharucoBoard> board;
-  std::filesystem::path features;  ///< taught (sightline teach); empty: none
-  Cues cues;
+  std::filesystem::path features;  ///< trained (sightline train); empty: none
+  Modalities modalities;
 };
 
 }  // namespace sightline

@@ -17,7 +17,7 @@ struct PoseHypothesis {
 };
 
 /// What one camera's frame says of one object: the product of observe, the input of fuse. Never a
-/// picture. An observation without terms means "looked and did not see it".
+/// image. An observation without terms means "searched and not seen".
 struct Observation {
   ObjectId object;
   CameraId camera;
@@ -29,9 +29,10 @@ struct Observation {
   /// Stand-alone poses, best first; two for a lone planar marker that could be flipped. Empty if
   /// the observation can only refine a pose that is known.
   std::vector<PoseHypothesis> hypotheses;
-  /// What colours or print say of poses that the object's shape cannot tell apart, by a cost (-log
-  /// likelihood up to a constant) for each. Empty: nothing. Says nothing else of the pose.
-  std::vector<PoseHypothesis> alike;
+  /// What the surface (colors, learned texture) says of poses that the object's shape cannot tell
+  /// apart: a cost (-log likelihood, up to a constant of the list) for each. Empty: nothing. Says
+  /// nothing else of the pose.
+  std::vector<PoseHypothesis> symmetric_hypotheses;
 };
 
 }  // namespace sightline

@@ -8,7 +8,7 @@
 
 namespace sightline {
 
-/// A measurement linearised at a pose. With d the tangent of DESIGN section 3 (right side):
+/// A measurement linearized at a pose. With d the tangent of CONVENTIONS.md (right side):
 ///     cost(pose * exp(d))  ~  cost + gradient . d + d . information d / 2
 /// The cost is half the (robust) sum of squares of residuals divided by their standard deviation,
 /// so `information` is an inverse covariance and sums over terms and cameras.
@@ -20,7 +20,7 @@ struct LinearizedTerm {
   double quality = 0;  ///< 0 useless .. 1 everything agrees (share of inlier weight)
 };
 
-/// Seam between observe and fuse: one measurement of one camera and frame that can linearise itself
+/// Seam between observe and fuse: one measurement of one camera and frame that can linearize itself
 /// at any pose of the object. Immutable; any thread.
 class PoseTerm {
  public:
@@ -31,7 +31,7 @@ class PoseTerm {
 };
 using PoseTermPtr = std::shared_ptr<const PoseTerm>;
 
-/// A measurement as another host sends it: the numbers of a linearisation at a reference pose. At
+/// A measurement as another host sends it: the numbers of a linearization at a reference pose. At
 /// other poses the quadratic is carried over by the right Jacobian of their difference.
 class FrozenTerm : public PoseTerm {
  public:

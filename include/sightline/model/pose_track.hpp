@@ -3,7 +3,6 @@
 
 #include <cstdint>
 #include <memory>
-#include <mutex>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -30,10 +29,10 @@ constexpr bool has_pose(TrackState state) {
 }
 
 /// Why an object that is measured is `degraded`: bits.
-using Doubts = uint16_t;
-enum Doubt : Doubts {
+using DegradedReasons = uint16_t;
+enum DegradedReason : DegradedReasons {
   kUnconfirmed = 1,    ///< too few measurements have agreed yet
-  kSeveralPoses = 2,   ///< the pictures fit more than one pose
+  kSeveralPoses = 2,   ///< the images fit more than one pose
   kAmbiguous = 4,      ///< its shape looks alike in other poses, and nothing tells which it is
   kWeakPosition = 8,   ///< not known well enough in a direction: weak_direction()
   kWeakRotation = 16,  ///< or about an axis
@@ -41,7 +40,7 @@ enum Doubt : Doubts {
   kContradicted = 64   ///< the cameras of this set refute it
 };
 /// "ambiguous", "weak_position", ... in a fixed order, `separator` between them; "" for none.
-std::string to_string(Doubts doubts, std::string_view separator);
+std::string to_string(DegradedReasons degraded_reasons, std::string_view separator);
 
 /// Up to 64 cameras as bits (index of CameraId).
 using CameraSet = uint64_t;
@@ -63,7 +62,7 @@ struct PoseEstimate {
   /// Second moments of the other poses that the object may have instead, about this one: poses that
   /// look alike, and turns about an axis of symmetry. Not in `covariance`.
   Matrix6 alternatives = Matrix6::Zero();
-  Doubts doubts = 0;  ///< meaningful while degraded
+  DegradedReasons degraded_reasons = 0;  ///< meaningful while degraded
 
   /// Everything that is not known.
   Matrix6 pose_covariance() const { return own_covariance() + alternatives; }
@@ -85,6 +84,8 @@ struct PoseEstimate {
 struct MotionNoise {
   double angular = 8.0;  ///< [rad/s^2 / sqrt(Hz)]
   double linear = 2.0;   ///< [m/s^2 / sqrt(Hz)]
+
+  bool operator==(const MotionNoise&) const = default;
 };
 
 /// The estimate moved by `dt` (either sign) with its twist; covariance grows with |dt|. State and
@@ -113,7 +114,7 @@ class PoseTrack {
   const PoseEstimate& newest() const { return history_.back(); }
 
   /// The pose at `time`: interpolated inside the history, predicted after its end, kNone where
-  /// there is no pose (no history, before it, a searching or lost neighbour, or `coast_limit` after
+  /// there is no pose (no history, before it, a searching or lost neighbor, or `coast_limit` after
   /// the newest measurement). A predicted pose that is later than `coasting_after` since the last
   /// measurement carries state kCoasting.
   PoseAt at(Time time) const;
@@ -129,23 +130,5 @@ class PoseTrack {
   MotionNoise noise_;
 };
 using PoseTrackPtr = std::shared_ptr<const PoseTrack>;
-
-/// Where fuse publishes and observe, render and publish read: the newest track of one object.
-class TrackSlot {
- public:
-  void publish(PoseTrackPtr track) {
-    std::lock_guard lock(mutex_);
-    track_.swap(track);
-  }
-  /// Never null once published; null before.
-  PoseTrackPtr read() const {
-    std::lock_guard lock(mutex_);
-    return track_;
-  }
-
- private:
-  mutable std::mutex mutex_;
-  PoseTrackPtr track_;
-};
 
 }  // namespace sightline

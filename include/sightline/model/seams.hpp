@@ -44,12 +44,12 @@ class FrameSink {
   virtual void accept(const FramePtr& frame) = 0;
 };
 
-class PictureSink {
+class ImageSink {
  public:
-  virtual ~PictureSink() = default;
-  /// True while somebody wants pictures; without it nothing is drawn or encoded.
+  virtual ~ImageSink() = default;
+  /// True while somebody wants images; without it nothing is drawn or encoded.
   virtual bool wanted() const = 0;
-  virtual void accept(const AnnotatedPicture& picture) = 0;
+  virtual void accept(const AnnotatedImage& image) = 0;
 };
 
 }  // namespace sightline

@@ -6,18 +6,18 @@
 #include <string>
 #include <vector>
 
-#include "sightline/image/picture.hpp"
+#include "sightline/image/image.hpp"
 #include "sightline/model/frame.hpp"
 #include "sightline/model/pose_track.hpp"
 
 namespace sightline {
 
-/// A picture on its way out, after render: pixels plus what was true at its capture time.
-struct AnnotatedPicture {
+/// An image on its way out, after render: pixels plus what was true at its capture time.
+struct AnnotatedImage {
   FrameInfo frame;
-  std::shared_ptr<const Picture> picture;
+  std::shared_ptr<const Image> image;
   std::vector<PoseAt> poses;  ///< one per object, at frame.capture
-  /// When it goes out, if that is not frame.capture: a picture that stands in while the camera is
+  /// When it goes out, if that is not frame.capture: an image that stands in while the camera is
   /// away wears the frame of the last real one. 0: as captured.
   Time shown{};
 };
@@ -29,7 +29,7 @@ struct EncodedPacket {
   CameraId camera;
   Codec codec = Codec::kH264;
   uint64_t sequence = 0;
-  Time capture{};  ///< of the picture; of one that stands in, when it was sent
+  Time capture{};  ///< of the image; of one that stands in, when it was sent
   bool keyframe = false;
   std::shared_ptr<const std::vector<uint8_t>> bytes;
 };

@@ -20,6 +20,15 @@ struct SymmetryOption {
   int order = 1;                                    ///< for kDiscrete
 };
 
+/// What of an object's mesh its errors refer to.
+struct EvaluatedShape {
+  /// Whose distance is the translation error, object frame [m]; of poses that differ by a symmetry
+  /// only the middle of the shape is in the same place.
+  Eigen::Vector3d center = Eigen::Vector3d::Zero();
+  /// Rotations of the shape onto itself (ViewpointModel::symmetry_rotations()).
+  std::vector<Rigid3> symmetries;
+};
+
 struct EvaluateOptions {
   double wrong_translation_mm = 20;  ///< a `tracking` row further off is a wrong claim
   double wrong_rotation_deg = 10;
@@ -29,7 +38,11 @@ struct EvaluateOptions {
   Duration max_truth_gap = std::chrono::milliseconds(200);
   /// A truth time is covered by a row with a pose so close to it.
   Duration coverage_tolerance = std::chrono::milliseconds(1);
+  /// The truth holds at its own times only, and each of them is judged: one without a row in the
+  /// log is a failure.
+  bool keyframes = false;
   std::map<std::string, SymmetryOption> symmetry;  ///< by object name
+  std::map<std::string, EvaluatedShape> shape;     ///< by object name; absent: origin, no symmetry
 };
 
 /// Median, 95th percentile (nearest rank) and maximum of `count` errors; 0 if there are none.
@@ -48,6 +61,13 @@ struct NormalizedError {
   double beyond = 0;                     ///< share of rows, translation or rotation
 };
 
+/// Errors against that of the poses with the true shape that is nearest in rotation.
+struct ShapeErrors {
+  ErrorSummary all;
+  size_t within = 0;        ///< the success limits
+  size_t wrong_claims = 0;  ///< `tracking` rows beyond the limits
+};
+
 /// How far the logged poses of one object are from the truth.
 struct ObjectEvaluation {
   std::string object;
@@ -60,6 +80,7 @@ struct ObjectEvaluation {
   std::map<TrackState, NormalizedError> normalized;
   size_t judged = 0;  ///< rows of any state at times that have truth ...
   size_t within = 0;  ///< ... and those of them with a pose within the success limits
+  std::optional<ShapeErrors> up_to_symmetry;  ///< if its shape is known and has any
   size_t truth_times = 0;
   size_t covered = 0;  ///< truth times with a pose
   double coverage() const;
@@ -67,6 +88,7 @@ struct ObjectEvaluation {
 };
 
 struct Evaluation {
+  bool keyframes = false;
   std::vector<ObjectEvaluation> objects;   ///< every object of the truth, by name
   std::vector<std::string> without_truth;  ///< logged objects that have no truth
 };
@@ -79,10 +101,11 @@ Evaluation evaluate(std::span<const TruthRow> truth, std::span<const PoseLogRow>
 struct PoseError {
   double mm = 0, deg = 0;
 };
-PoseError pose_error(const Rigid3& truth, const Rigid3& pose, const SymmetryOption& symmetry = {});
+PoseError pose_error(const Rigid3& truth, const Rigid3& pose, const SymmetryOption& symmetry = {},
+                     const EvaluatedShape& shape = {});
 
 /// Of the true poses that look alike, the one that is nearest to `pose` in rotation.
-Rigid3 nearest_alike(const Rigid3& truth, const Rigid3& pose, const SymmetryOption& symmetry);
+Rigid3 nearest_symmetric(const Rigid3& truth, const Rigid3& pose, const SymmetryOption& symmetry);
 
 /// A table for people, and the same as JSON.
 std::string to_text(const Evaluation& evaluation);

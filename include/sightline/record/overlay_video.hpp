@@ -25,12 +25,12 @@ class OverlayVideoWriter {
                                                             const OverlayVideoOptions& options);
   virtual ~OverlayVideoWriter() = default;  ///< close()s, ignoring errors
 
-  /// Appends a picture of the size given to create(). `capture` must grow; shown at 1 ms.
-  virtual Status append(const I420View& picture, Time capture) = 0;
+  /// Appends an image of the size given to create(). `capture` must grow; shown at 1 ms.
+  virtual Status append(const I420View& image, Time capture) = 0;
   virtual Status close() = 0;
 };
 
-/// Writes one picture as PNG (24-bit RGB), replacing the file whole.
-Status write_png(const std::filesystem::path& path, const I420View& picture);
+/// Writes one image as PNG (24-bit RGB), replacing the file whole.
+Status write_png(const std::filesystem::path& path, const I420View& image);
 
 }  // namespace sightline

@@ -34,7 +34,7 @@ PoseLogRow make_pose_log_row(const PoseEstimate& estimate, std::string object,
 /// "t_ns,object,state,tx,ty,tz,qw,qx,qy,qz,sigma_t_mm,sigma_r_deg,cameras"
 extern const std::string_view kPoseLogHeader;
 
-/// One line without its end: metres with 7 decimals, quaternions with 9 and qw >= 0, sigmas with 4.
+/// One line without its end: meters with 7 decimals, quaternions with 9 and qw >= 0, sigmas with 4.
 /// Equal rows give equal bytes; states without a pose have empty pose fields.
 std::string format_pose_row(const PoseLogRow& row);
 
@@ -66,18 +66,18 @@ struct TruthRow {
 Result<std::vector<TruthRow>> read_truth(const std::filesystem::path& path);
 Result<std::vector<TruthRow>> parse_truth(std::string_view text, const std::string& where);
 
-/// A still picture in which an object's pose is known.
-struct PictureRow {
-  std::filesystem::path picture;
+/// A still image in which an object's pose is known.
+struct ImageRow {
+  std::filesystem::path image;
   std::string camera;  ///< of the calibration
   Rigid3 world_from_object;
   size_t line = 0;
 };
 
-/// Reads a list of pictures: `picture,camera,tx,ty,tz,qw,qx,qy,qz`; names of pictures are relative
+/// Reads a list of images: `image,camera,tx,ty,tz,qw,qx,qy,qz`; names of images are relative
 /// to the list. Strict; an empty list is refused.
-Result<std::vector<PictureRow>> read_picture_list(const std::filesystem::path& path);
-Result<std::vector<PictureRow>> parse_picture_list(std::string_view text,
-                                                   const std::filesystem::path& path);
+Result<std::vector<ImageRow>> read_image_list(const std::filesystem::path& path);
+Result<std::vector<ImageRow>> parse_image_list(std::string_view text,
+                                               const std::filesystem::path& path);
 
 }  // namespace sightline

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <optional>
 #include <span>
+#include <stop_token>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -12,17 +13,9 @@
 #include "sightline/base/result.hpp"
 #include "sightline/base/time.hpp"
 #include "sightline/image/planes.hpp"
+#include "sightline/record/recorded_rows.hpp"
 
 namespace sightline {
-
-/// One line of frames.csv: the only source of a recorded frame's times.
-struct RecordedRow {
-  uint64_t sequence = 0;
-  Time capture{};
-  Time arrival{};
-  uint32_t dropped_before = 0;
-  size_t line = 0;  ///< in frames.csv, from 1
-};
 
 /// One camera of a recording; its index in Recording::cameras is its CameraId.
 struct RecordedCamera {
@@ -33,9 +26,9 @@ struct RecordedCamera {
   int height = 0;
   /// Of "rawvideo", where recording.toml says it: Matroska has no name for some of them.
   std::optional<PixelFormat> pixels;
-  /// Capture order; row n belongs to the n-th displayed picture of `file`. Both counts agree after
+  /// Capture order; row n belongs to the n-th displayed image of `file`. Both counts agree after
   /// open_recording(): a tail that only one of the two has is cut off (with a warning).
-  std::vector<RecordedRow> rows;
+  RecordedRows rows;
 
   /// Median time between rows; 0 with fewer than two rows.
   Duration frame_period() const;
@@ -55,10 +48,11 @@ struct RecordingManifest {
   std::vector<Camera> cameras;
   std::vector<std::string> objects;
   std::optional<std::string> scene;
-  std::vector<std::string> warnings;  ///< unknown keys, with line and column
+  std::vector<std::string> left_out;  ///< sentences: what object files named and was not copied
+  std::vector<std::string> warnings;  ///< unknown keys and left_out, with line and column
 };
 
-/// A recording folder (DESIGN section 5) that has been opened and checked.
+/// A recording folder (docs/formats.md) that has been opened and checked.
 struct Recording {
   std::filesystem::path path;
   std::string name;
@@ -86,10 +80,12 @@ enum class RecordingMode {
 inline constexpr Duration kToleratedTail = std::chrono::seconds(1);
 
 /// Opens and checks a recording: recording.toml, frames.csv, and by demuxing (not decoding) that
-/// every video is there, is what recording.toml says and has one picture per row. A last line of
-/// frames.csv that was cut off is dropped with a warning in both modes. Errors name file:line.
+/// every video is there, is what recording.toml says and has one image per row. A last line of
+/// frames.csv that was cut off is dropped with a warning in both modes. Errors name file:line. All
+/// of it is read from the disk, however slow; after `stop` it gives up (kUnavailable).
 Result<Recording> open_recording(const std::filesystem::path& path,
-                                 RecordingMode mode = RecordingMode::kReplay);
+                                 RecordingMode mode = RecordingMode::kReplay,
+                                 const std::stop_token& stop = {});
 
 /// Parses recording.toml. `where` is the file name for errors ("where:line:column").
 Result<RecordingManifest> parse_recording_toml(std::string_view text, const std::string& where);
@@ -97,9 +93,14 @@ Result<RecordingManifest> parse_recording_toml(std::string_view text, const std:
 /// The rows of frames.csv, one vector per name in `cameras`. Refused, naming the line: a wrong
 /// header, missing, negative or non-numeric columns, unknown cameras, and per camera duplicated or
 /// unsorted sequences and capture times that do not grow. `warnings` may be null.
-Result<std::vector<std::vector<RecordedRow>>> parse_frames_csv(std::string_view text,
-                                                               const std::string& where,
-                                                               std::span<const std::string> cameras,
-                                                               std::vector<std::string>* warnings);
+Result<std::vector<RecordedRows>> parse_frames_csv(std::string_view text, const std::string& where,
+                                                   std::span<const std::string> cameras,
+                                                   std::vector<std::string>* warnings);
+
+/// The same from a file of any length, of which only the rows stay in memory (see RecordedRows).
+/// Refused besides: what is no regular file, a line of more than 64 KiB, more than 64 MiB of zeros.
+Result<std::vector<RecordedRows>> read_frames_csv(const std::filesystem::path& path,
+                                                  std::span<const std::string> cameras,
+                                                  std::vector<std::string>* warnings);
 
 }  // namespace sightline

@@ -4,26 +4,27 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <stop_token>
 #include <string>
 
 #include "sightline/base/result.hpp"
-#include "sightline/image/picture.hpp"
+#include "sightline/image/image.hpp"
 #include "sightline/model/frame.hpp"
 
 namespace sightline {
 
-/// One displayed picture of a video file.
+/// One displayed image of a video file.
 struct VideoFrame {
   uint64_t index = 0;  ///< from 0, in display order
   FrameStatus status = FrameStatus::kGood;
-  /// I420, BT.601 limited range. A picture that could not be decoded is the one before it (grey if
+  /// I420, BT.601 limited range. An image that could not be decoded is the one before it (gray if
   /// there is none), with status kDamaged, so that counting stays right.
-  std::shared_ptr<const Picture> picture;
+  std::shared_ptr<const Image> image;
   /// What `payload` holds; kI420 with an empty payload where there is none to give.
   PixelFormat format = PixelFormat::kI420;
   /// The camera's own bytes: a JPEG, an H.264 access unit (Annex B, parameter sets before key
-  /// frames) or a raw picture. Empty for codecs that no camera speaks, for streams with reordered
-  /// pictures, and unless VideoReaderOptions::payload is set.
+  /// frames) or a raw image. Empty for codecs that no camera speaks, for streams with reordered
+  /// images, and unless VideoReaderOptions::payload is set.
   FramePayload payload;
 };
 
@@ -34,7 +35,7 @@ struct VideoReaderOptions {
 };
 
 /// Decodes one video file with libavcodec in the calling thread: exact counts, and the same
-/// pictures in every run. Container timestamps are not used as times. Not thread-safe; any number
+/// images in every run. Container timestamps are not used as times. Not thread-safe; any number
 /// of readers may run in different threads.
 class VideoReader {
  public:
@@ -44,15 +45,16 @@ class VideoReader {
                                                    const VideoReaderOptions& options = {});
   virtual ~VideoReader() = default;
 
-  /// The next picture in display order; nullopt at the end. Holds at most the decoder's own
-  /// reordering window of pictures.
+  /// The next image in display order; nullopt at the end. Holds at most the decoder's own
+  /// reordering window of images.
   virtual Result<std::optional<VideoFrame>> next() = 0;
-  /// Back to the first picture.
+  /// Back to the first image.
   virtual Status rewind() = 0;
 };
 
-/// Pictures in a video file, by demuxing only.
+/// Images in a video file, by demuxing only. After `stop` it gives up between two images
+/// (kUnavailable).
 Result<uint64_t> count_video_frames(const std::filesystem::path& file, const std::string& codec,
-                                    int width, int height);
+                                    int width, int height, const std::stop_token& stop = {});
 
 }  // namespace sightline

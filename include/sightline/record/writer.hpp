@@ -13,16 +13,16 @@
 
 namespace sightline {
 
-/// How pictures that the camera does not compress are stored; both are lossless. Cost per frame is
+/// How images that the camera does not compress are stored; both are lossless. Cost per frame is
 /// in docs/decisions/0002-libav-for-recordings.md.
 enum class RawStorage {
   kRaw,   ///< as they are: next to no CPU, 1.5 to 3 bytes per pixel
-  kFfv1,  ///< about half the bytes, a large part of a core; grey, I420, NV12, YUYV, UYVY only
+  kFfv1,  ///< about half the bytes, a large part of a core; gray, I420, NV12, YUYV, UYVY only
 };
 
 struct RecordingWriterCamera {
   std::string name;  ///< also the file's name: letters, digits, '_', '-', '.'
-  /// Of the payload. Frames whose payload is empty are taken as pictures: say kI420.
+  /// Of the payload. Frames whose payload is empty are taken as images: say kI420.
   PixelFormat format = PixelFormat::kI420;
   int width = 0;
   int height = 0;
@@ -32,8 +32,8 @@ struct RecordingWriterOptions {
   std::string name;                            ///< of the recording; empty: the folder's name
   std::vector<RecordingWriterCamera> cameras;  ///< order = CameraId
   std::string calibration_toml;                ///< content of calibration.toml; empty: none
-  /// Object files, copied into objects/ with the meshes and materials they name (files beside them
-  /// that they mention).
+  /// Object files, copied into objects/ with what they and their meshes name, as far as it lies in
+  /// the folder of the file that names it. The rest is logged and listed in recording.toml.
   std::vector<std::filesystem::path> objects;
   std::optional<std::filesystem::path> scene;
   RawStorage raw_storage = RawStorage::kRaw;

@@ -17,13 +17,15 @@ namespace sightline {
 struct EncoderOptions {
   int width = 0;  ///< even
   int height = 0;
-  double rate_hz = 30;         ///< nominal; pictures may come at any time
+  double rate_hz = 30;         ///< nominal; images may come at any time
   int bitrate_kbps = 0;        ///< 0: by size, see default_bitrate_kbps()
-  int keyframe_interval = 60;  ///< pictures from one key frame to the next, at most
+  int keyframe_interval = 60;  ///< images from one key frame to the next, at most
   /// Shortest time between two key frames made by request_keyframe().
   Duration keyframe_request_spacing = std::chrono::milliseconds(250);
   /// GStreamer element names to try, best first. Empty: known_h264_encoders().
   std::vector<std::string> prefer;
+
+  bool operator==(const EncoderOptions&) const = default;
 };
 
 /// 4000 kbit/s at 1280x720 and 8000 at 1920x1080, between and beyond by the power law through them.
@@ -33,17 +35,17 @@ int default_bitrate_kbps(int width, int height);
 /// OpenH264.
 std::span<const std::string> known_h264_encoders();
 
-/// True if the element exists and encoded one small picture within a few seconds. Asked once per
+/// True if the element exists and encoded one small image within a few seconds. Asked once per
 /// process and element, then remembered; any thread.
 bool h264_encoder_works(const std::string& element);
 
 struct EncoderCounts {
-  uint64_t pushed = 0;   ///< pictures handed in
+  uint64_t pushed = 0;   ///< images handed in
   uint64_t encoded = 0;  ///< packets handed out
-  uint64_t dropped = 0;  ///< pictures replaced by a newer one, or lost to a failed encoder
+  uint64_t dropped = 0;  ///< images replaced by a newer one, or lost to a failed encoder
 };
 
-/// One camera's H.264 encoder: pictures in, one access unit out for each, without delay (no
+/// One camera's H.264 encoder: images in, one access unit out for each, without delay (no
 /// B frames, no look-ahead, no frame threads). Constrained baseline, Annex B, parameter sets before
 /// every key frame, and an SEI unit with frame number, capture time and poses (stream/sei.hpp).
 ///
@@ -62,19 +64,19 @@ class VideoEncoder {
   VideoEncoder(const VideoEncoder&) = delete;
   VideoEncoder& operator=(const VideoEncoder&) = delete;
 
-  /// Hands a picture over without copying it (the encoder keeps a reference) and without waiting.
-  /// At most one picture waits while another is being encoded; a newer one replaces it and the
-  /// loss is counted. A picture of the wrong size is dropped and counted.
-  void push(const AnnotatedPicture& picture, std::span<const NamedObject> names);
+  /// Hands an image over without copying it (the encoder keeps a reference) and without waiting.
+  /// At most one image waits while another is being encoded; a newer one replaces it and the
+  /// loss is counted. An image of the wrong size is dropped and counted.
+  void push(const AnnotatedImage& image, std::span<const NamedObject> names);
 
   /// The same for offline work (overlay videos): waits for the encoder instead of dropping.
-  Status push_and_wait(const AnnotatedPicture& picture, std::span<const NamedObject> names,
+  Status push_and_wait(const AnnotatedImage& image, std::span<const NamedObject> names,
                        Duration timeout);
 
   /// Ends the stream: returns when all packets were handed out. Nothing may be pushed afterwards.
   Status finish(Duration timeout);
 
-  /// Makes one of the next pictures a key frame: the next one, or the first after
+  /// Makes one of the next images a key frame: the next one, or the first after
   /// `keyframe_request_spacing`. Many requests make one key frame.
   void request_keyframe();
 

@@ -19,7 +19,14 @@ struct RtspOptions {
   uint16_t port = 8554;  ///< 0: any free one, see RtspServer::port()
   /// A viewer that shows no sign of life (RTCP, keep-alive) for so long is dropped.
   Duration session_timeout = std::chrono::seconds(60);
-  int max_clients = 32;  ///< connections; more are refused
+  /// Connections. When all places are taken, the oldest connection without a session gives way to
+  /// a new one; without such the new one is refused.
+  int max_clients = 32;
+  /// The same for connections from one address. 0: three quarters of max_clients for other hosts,
+  /// all for this one.
+  int max_clients_per_address = 0;
+
+  bool operator==(const RtspOptions&) const = default;
 };
 
 struct RtspStreamOptions {
@@ -54,11 +61,13 @@ class RtspStream {
 
 /// Serves H.264 access units at rtsp://ADDRESS:PORT/NAME over RTP (UDP, or interleaved in the RTSP
 /// connection), one shared pipeline per stream. RTP time stamps are capture times, so streams of
-/// one server are on one clock. A viewer that does not read is cut off and harms nobody.
+/// one server are on one clock. A viewer that does not read is cut off and harms nobody; so is a
+/// client whose request is longer than 16 KiB, is not complete within 10 s, or is not RTSP.
+/// RTSP inside HTTP is refused, so that no page in a browser can watch. UDP stays at `address`.
 class RtspServer {
  public:
   /// Binds the port; connections are answered once run() runs. A busy port is an Error that names
-  /// it and what to do.
+  /// it and what to do. An address that other hosts reach is warned of in the log.
   static Result<std::unique_ptr<RtspServer>> create(const RtspOptions& options);
   /// After run() has returned.
   ~RtspServer();
@@ -76,8 +85,9 @@ class RtspServer {
   int clients() const;
 
   /// Serves in the calling thread until `stop`; returns within a second of it. GStreamer runs
-  /// threads of its own: one per client connection and one per stream that is wanted.
-  void run(std::stop_token stop);
+  /// threads of its own: one per client connection and one per stream that is wanted. `on_tick` is
+  /// called on the calling thread, twice a second while it makes progress.
+  void run(std::stop_token stop, const std::function<void()>& on_tick = {});
 
  private:
   struct Impl;

@@ -12,7 +12,7 @@
 
 namespace sightline {
 
-/// What travels inside the video beside every picture: an H.264 SEI message of type
+/// What travels inside the video beside every image: an H.264 SEI message of type
 /// user_data_unregistered (ITU-T H.264, D.1.7), layout in docs/sei.md.
 
 struct SeiObject {
@@ -21,7 +21,7 @@ struct SeiObject {
   TrackState state = TrackState::kSearching;
   PoseSource source = PoseSource::kNone;
   /// Meaningful unless source is kNone:
-  Rigid3 world_from_object;     ///< at the picture's capture time
+  Rigid3 world_from_object;     ///< at the image's capture time
   float sigma_translation = 0;  ///< [m]
   float sigma_rotation = 0;     ///< [rad]
 };
@@ -39,8 +39,8 @@ struct SeiMessage {
 /// Identifies our messages among other user data.
 extern const std::array<uint8_t, 16> kSeiUuid;
 
-/// The message that belongs to a picture; objects are named by `names` (empty name if missing).
-SeiMessage sei_message_of(const AnnotatedPicture& picture, const std::string& camera_name,
+/// The message that belongs to an image; objects are named by `names` (empty name if missing).
+SeiMessage sei_message_of(const AnnotatedImage& image, const std::string& camera_name,
                           std::span<const NamedObject> names);
 
 /// A whole NAL unit with its start code (00 00 00 01) and emulation prevention. Names longer than

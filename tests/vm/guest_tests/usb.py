@@ -33,13 +33,13 @@ def cycles(service):
     viewer = subprocess.Popen([PREFIX + "/bin/gst-launch-1.0", "-q", "rtspsrc", "location=rtsp://127.0.0.1:8554/plain",
                                "protocols=tcp", "!", "rtph264depay", "!", "h264parse", "!", "fakesink"],
                               env=dict(os.environ, **ENVIRONMENT, HOME="/root"))
-    until(lambda: service.metric("sightline_pictures_encoded_total", camera="plain") > 3, "the viewer gets pictures")
+    until(lambda: service.metric("sightline_images_encoded_total", camera="plain") > 3, "the viewer gets images")
     times = {"told": [], "back": []}
     for name in ("plain", "jpeg") * WARM_UP:
         cycle(service, name, times)
     opened = service.metric("sightline_source_opened_total")
     gone = service.metric("sightline_source_lost_total", cause="gone")
-    encoded = service.metric("sightline_pictures_encoded_total", camera="plain")
+    encoded = service.metric("sightline_images_encoded_total", camera="plain")
     before = service.usage()
     usages = [before]
     say(f"      after {2 * WARM_UP} cycles: {before}")
@@ -64,7 +64,7 @@ def cycles(service):
     check("the other camera went on, each time", others == 2 * CYCLES)
     check("the viewer is still there, its stream went on",
           viewer.poll() is None and service.metric("sightline_viewers", camera="plain") == 1 and
-          service.metric("sightline_pictures_encoded_total", camera="plain") > encoded + CYCLES)
+          service.metric("sightline_images_encoded_total", camera="plain") > encoded + CYCLES)
     viewer.terminate()
     viewer.wait(timeout=60)
 
@@ -74,7 +74,7 @@ def event(service, camera, cause):
 
 
 def damage(service):
-    say("== damaged pictures")
+    say("== damaged images")
     for command, camera, cause in (("cut 5", "jpeg", "damaged"), ("garbage 5", "jpeg", "damaged"),
                                    ("cut 5", "plain", "lost"), ("error 5", "jpeg", "lost")):
         time.sleep(1.5)  # the counters are published once a second

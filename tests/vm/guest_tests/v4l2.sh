@@ -33,7 +33,7 @@ probe list >/tmp/log; shown
 check "vivid is listed with its modes" 'said "vivid.* [0-9][0-9]+ modes"'
 v4l2-ctl -d "$vivid" -c test_pattern=0,osd_text_mode=2 >/dev/null 2>&1
 probe formats "$vivid" 320x180 >/tmp/log; rc=$?; shown
-check "every format gives the right colours" '[ $rc = 0 ]'
+check "every format gives the right colors" '[ $rc = 0 ]'
 for format in YUYV UYVY NV12 YUV420 GREY Y10 Y12 Y16 RGB24 BGR24 \
               {SRGGB,SGRBG,SGBRG,SBGGR}{8,10,12}; do
   said "^ok $format " || check "$format was among them" false

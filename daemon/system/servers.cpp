@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "system/servers.hpp"
+
+#include "sightline/base/thread.hpp"
+
+namespace sightline {
+namespace {
+
+constexpr Duration kStallLimit = std::chrono::seconds(10);  // ending a stream takes its time
+
+}  // namespace
+
+Result<std::shared_ptr<RtspService>> RtspService::start(const RtspOptions& options,
+                                                        HeartbeatBoard& beats) {
+  std::shared_ptr<RtspService> service(new RtspService(options, beats));
+  SL_RETURN_IF_ERROR(service->resume());
+  return service;
+}
+
+Status RtspService::resume() {
+  SL_ASSIGN(server_, RtspServer::create(options_));
+  thread_ = start_watched_thread(beats_, "rtsp", kStallLimit,
+                                 [raw = server_.get()](std::stop_token stop, Heartbeat& beat) {
+                                   raw->run(std::move(stop), [&beat] { beat.beat(); });
+                                 });
+  return {};
+}
+
+void RtspService::stop() {
+  thread_.request_stop();
+  if (thread_.joinable()) thread_.join();
+  server_.reset();
+}
+
+Result<std::shared_ptr<HttpService>> HttpService::start(const HttpOptions& options,
+                                                        HttpContent content) {
+  std::shared_ptr<HttpService> service(new HttpService(options, std::move(content)));
+  SL_RETURN_IF_ERROR(service->resume());
+  return service;
+}
+
+Status HttpService::resume() {
+  SL_ASSIGN(server_, HttpServer::create(options_, content_));
+  port_ = server_->port();
+  thread_ = start_thread("http", [raw = server_.get()](std::stop_token stop) { raw->run(stop); });
+  return {};
+}
+
+void HttpService::stop() {
+  thread_.request_stop();
+  if (thread_.joinable()) thread_.join();
+  server_.reset();
+}
+
+}  // namespace sightline

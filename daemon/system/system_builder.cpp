@@ -1,0 +1,260 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "system/system_builder.hpp"
+
+#include <algorithm>
+
+#include "sightline/base/files.hpp"
+#include "sightline/pipeline/parallel.hpp"
+#include "sightline/pipeline/rig_parts.hpp"
+
+namespace sightline {
+namespace {
+
+constexpr double kDefaultRate = 30;
+
+Status check_not_stopped(const std::stop_token& stop) {
+  if (!stop.stop_requested()) return {};
+  return make_error(ErrorCode::kUnavailable, "", "the daemon is being stopped");
+}
+
+bool streams_camera(const Installation& installation, const CameraConfig& camera) {
+  return installation.rtsp.enabled && streams(camera.role);
+}
+
+// An encoder that no camera could use is found out before the one that is in use goes.
+Status try_encoder(const Installation& next) {
+  for (const CameraConfig& camera : next.cameras) {
+    if (!streams_camera(next, camera)) continue;
+    const auto made = VideoEncoder::create(encoder_options(next, camera), camera.name, [](auto) {});
+    return made ? Status() : Status(made.error());
+  }
+  return {};
+}
+
+void hint_last_poses(const Installation& installation, ObjectSearch& search) {
+  const auto starts_there = [](const ObjectConfig& object) { return object.start_last; };
+  if (std::ranges::none_of(installation.objects, starts_there)) return;
+  for (const PoseLogRow& row : read_last_poses(last_poses_file(installation))) {
+    for (size_t i = 0; i < installation.objects.size(); ++i) {
+      const ObjectConfig& object = installation.objects[i];
+      if (!object.start_last || object.description.name != row.object) continue;
+      search.hint(ObjectId(static_cast<uint32_t>(i)), *row.world_from_object);
+    }
+  }
+}
+
+}  // namespace
+
+EncoderOptions encoder_options(const Installation& installation, const CameraConfig& camera) {
+  EncoderOptions options = installation.encoder;
+  options.width = camera.calibration.model.width();
+  options.height = camera.calibration.model.height();
+  options.rate_hz = camera.rate_hz > 0 ? camera.rate_hz : kDefaultRate;
+  return options;
+}
+
+Result<SystemDraft> SystemBuilder::prepare(Installation next, std::stop_token stop) {
+  SystemDraft draft;
+  draft.plan =
+      plan_reload(old_.installation, next, compare(old_.installation, next), old_.fusion_cameras);
+  System& system = draft.system = old_;
+  system.installation = std::move(next);
+  const Installation& now = system.installation;
+  SL_RETURN_IF_ERROR(check_not_stopped(stop));
+  if (draft.plan.rig || !old_.rig) {
+    RigOptions options;
+    options.stop = stop;
+    options.before = {&old_.installation, old_.rig.get()};
+    SL_ASSIGN(Rig rig, load_rig(now, options));
+    system.rig = std::make_shared<const Rig>(std::move(rig));
+  }
+  SL_RETURN_IF_ERROR(check_not_stopped(stop));
+  if (draft.plan.fusion || !old_.fusion) {
+    system.board = std::make_shared<TrackBoard>(system.rig->objects.size());
+    const auto to_recorder = [taps = context_.taps](const PoseEstimate& estimate) {
+      if (const auto recorder = taps->recorder.read()) recorder->push(estimate);
+    };
+    SL_ASSIGN(system.fusion,
+              FusionWorker::start(now.estimator, system.rig->names(), system.rig->shape_symmetry(),
+                                  system.board, context_.registry, context_.beats, to_recorder));
+    system.fusion_cameras.clear();
+  }
+  system.fusion_cameras.resize(std::max(system.fusion_cameras.size(), now.cameras.size()));
+  for (size_t i = 0; i < now.cameras.size(); ++i) system.fusion_cameras[i] = now.cameras[i].name;
+  SL_RETURN_IF_ERROR(prepare_cameras(draft, stop));
+  if (draft.plan.views) {
+    SL_ASSIGN(draft.views, view_parts(system));
+  }
+  if (draft.plan.search) {
+    SL_ASSIGN(draft.search, ObjectSearch::create(now, *system.rig));
+    if (draft.search) hint_last_poses(now, *draft.search);
+  }
+  if (draft.plan.recorder && records(now)) {
+    SL_ASSIGN(draft.recorder, recorder_options(now));
+  }
+  if (draft.plan.encoder) SL_RETURN_IF_ERROR(try_encoder(now));
+  SL_RETURN_IF_ERROR(prepare_servers(draft));
+  SL_RETURN_IF_ERROR(check_not_stopped(stop));
+  return draft;
+}
+
+// No camera's parts need another's.
+Status SystemBuilder::prepare_cameras(SystemDraft& draft, const std::stop_token& stop) const {
+  const size_t count = draft.plan.cameras.size();
+  draft.system.cameras.assign(count, nullptr);
+  std::vector<std::optional<CameraParts>> parts(count);
+  std::vector<SystemDraft::Stages> stages(count);
+  const auto make = [&](size_t i) -> Status {
+    SL_RETURN_IF_ERROR(check_not_stopped(stop));
+    const CameraId id(static_cast<uint32_t>(i));
+    if (draft.plan.cameras[i] == ReloadPlan::Camera::kRestart) {
+      SL_ASSIGN(parts[i], camera_parts(draft, id));
+      return {};
+    }
+    SL_ASSIGN(stages[i], camera_stages(draft, id));
+    return {};
+  };
+  SL_RETURN_IF_ERROR(for_each_index(run_in_parallel, count, make));
+  for (size_t i = 0; i < count; ++i) {
+    if (parts[i]) {
+      draft.cameras.push_back(*std::move(parts[i]));
+      continue;
+    }
+    draft.system.cameras[i] = old_.cameras[i];
+    if (stages[i].observe || stages[i].draw) draft.stages.push_back(std::move(stages[i]));
+  }
+  return {};
+}
+
+Result<CameraParts> SystemBuilder::camera_parts(const SystemDraft& draft, CameraId id) const {
+  const Installation& now = draft.system.installation;
+  const CameraConfig& config = now.cameras[id.index()];
+  CameraParts parts;
+  parts.id = id;
+  parts.name = config.name;
+  parts.width = config.calibration.model.width();
+  parts.height = config.calibration.model.height();
+  parts.rate_hz = config.rate_hz;
+  // An Aravis source has a deadline of its own, or none where triggers may pause.
+  parts.reopen_when_stalled =
+      config.source != SourceKind::kReplay && config.source != SourceKind::kAravis;
+  if (observes(config.role)) {
+    SL_ASSIGN(parts.observe, observe_stage(draft.system, id));
+  }
+  if (streams_camera(now, config)) {
+    SL_ASSIGN(parts.draw, draw_stage(draft.system, id));
+  }
+  parts.open_source = context_.sources.opener(config, id, records(now));
+  parts.on_frame = [taps = context_.taps, observed = observes(config.role)](const FramePtr& frame) {
+    taps->push(frame, observed);
+  };
+  return parts;
+}
+
+Result<SystemDraft::Stages> SystemBuilder::camera_stages(const SystemDraft& draft,
+                                                         CameraId id) const {
+  const CameraConfig& config = draft.system.installation.cameras[id.index()];
+  SystemDraft::Stages stages{id, nullptr, nullptr};
+  if (draft.plan.observers && observes(config.role)) {
+    SL_ASSIGN(ObserveStage stage, observe_stage(draft.system, id));
+    stages.observe = std::make_unique<ObserveStage>(std::move(stage));
+  }
+  const bool restyled = draft.plan.cameras[id.index()] == ReloadPlan::Camera::kRestyle;
+  if ((draft.plan.renderers || restyled) && streams_camera(draft.system.installation, config)) {
+    SL_ASSIGN(DrawStage stage, draw_stage(draft.system, id));
+    if (draft.plan.encoder) stage.encoder = encoder_options(draft.system.installation, config);
+    stages.draw = std::make_unique<DrawStage>(std::move(stage));
+  }
+  return stages;
+}
+
+Result<ObserveStage> SystemBuilder::observe_stage(const System& next, CameraId id) const {
+  ObserveStage stage;
+  SL_ASSIGN(stage.observer, CameraObserver::create(next.installation, *next.rig, id));
+  if (streams_camera(next.installation, next.installation.cameras[id.index()])) {
+    SL_ASSIGN(stage.learner, make_learner(next.installation, *next.rig, id));
+  }
+  stage.board = next.board;
+  stage.on_observation = [fusion = next.fusion](Observation observation) {
+    fusion->push(std::move(observation));
+  };
+  return stage;
+}
+
+Result<DrawStage> SystemBuilder::draw_stage(const System& next, CameraId id) const {
+  DrawStage stage;
+  SL_ASSIGN(stage.renderer, make_renderer(next.installation, *next.rig, id));
+  stage.board = next.board;
+  stage.names = next.rig->names();
+  const CameraModel& lens = next.installation.cameras[id.index()].calibration.model;
+  stage.slate =
+      NoSignalSlate::create(lens.width(), lens.height(), next.installation.render.font_file);
+  const PointsConfig& points = next.installation.points;
+  if (points.enabled && points.overlay) {
+    stage.points = [taps = context_.taps](Time time) { return taps->points_at(time); };
+    const auto& geometry = next.rig->cameras[id.index()];
+    stage.calibration = {geometry, &geometry->camera()};
+  }
+  return stage;
+}
+
+Result<std::vector<VirtualCameraParts>> SystemBuilder::view_parts(const System& next) const {
+  std::vector<VirtualCameraParts> all;
+  const Installation& now = next.installation;
+  if (!now.rtsp.enabled) return all;
+  for (size_t i = 0; i < now.virtual_cameras.size(); ++i) {
+    const VirtualCameraConfig& config = now.virtual_cameras[i];
+    VirtualCameraParts parts;
+    parts.id = CameraId(static_cast<uint32_t>(now.cameras.size() + i));
+    parts.name = config.name;
+    parts.rate_hz = config.rate_hz;
+    SL_ASSIGN(parts.view, make_view(now, *next.rig, config));
+    parts.board = next.board;
+    parts.points = [taps = context_.taps](Time time) { return taps->points_at(time); };
+    all.push_back(std::move(parts));
+  }
+  return all;
+}
+
+Result<RecorderOptions> SystemBuilder::recorder_options(const Installation& next) const {
+  RecorderOptions options;
+  options.directory = next.record.directory;
+  options.folder = context_.record_to;
+  RecordingWriterOptions& writer = options.writer;
+  writer.name = next.name;
+  writer.raw_storage = next.record.raw_storage;
+  for (const CameraConfig& camera : next.cameras) {
+    SL_ASSIGN(const PixelFormat format, context_.sources.payload_format(camera));
+    writer.cameras.push_back(
+        {camera.name, format, camera.calibration.model.width(), camera.calibration.model.height()});
+  }
+  SL_ASSIGN(writer.calibration_toml, read_file(next.calibration));
+  for (const ObjectConfig& object : next.objects) {
+    writer.objects.push_back(object.description.file);
+    options.objects.push_back(object.description.name);
+  }
+  if (!next.scene.meshes.empty()) writer.scene = next.scene.meshes.front();
+  return options;
+}
+
+// A port that the running system holds cannot be had beside it; it is handed over later.
+Status SystemBuilder::prepare_servers(SystemDraft& draft) const {
+  System& next = draft.system;
+  const auto& rtsp = next.installation.rtsp;
+  const auto& http = next.installation.http;
+  if (draft.plan.rtsp || !old_.rtsp) {
+    next.rtsp.reset();
+    if (rtsp.enabled && (!old_.rtsp || old_.rtsp->options().port != rtsp.server.port)) {
+      SL_ASSIGN(next.rtsp, RtspService::start(rtsp.server, context_.beats));
+    }
+  }
+  if (draft.plan.http || !old_.http) {
+    next.http.reset();
+    if (http.enabled && (!old_.http || old_.http->options().port != http.server.port)) {
+      SL_ASSIGN(next.http, HttpService::start(http.server, context_.http));
+    }
+  }
+  return {};
+}
+
+}  // namespace sightline

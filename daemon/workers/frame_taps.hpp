@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "sightline/base/snapshot.hpp"
+#include "workers/points_worker.hpp"
+#include "workers/recorder_worker.hpp"
+#include "workers/search_worker.hpp"
+
+namespace sightline {
+
+/// Who takes the frames and estimates of every camera beside its own threads; null: nobody. A
+/// reload puts others in their place while cameras go on.
+struct FrameTaps {
+  Snapshot<RecorderWorker> recorder;
+  Snapshot<SearchWorker> search;
+  Snapshot<PointsWorker> points;
+
+  /// On a capture thread; never waits. `observed`: the camera takes part in stereo points.
+  void push(const FramePtr& frame, bool observed) const {
+    if (const auto to = recorder.read()) to->push(frame);
+    if (const auto to = search.read()) to->push(frame);
+    if (const auto to = observed ? points.read() : nullptr) to->push(frame);
+  }
+  ScenePointsPtr points_at(Time time) const {
+    const auto from = points.read();
+    return from ? from->points_at(time) : nullptr;
+  }
+};
+
+}  // namespace sightline

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+#include "heartbeat.hpp"
+#include "sightline/base/bounded_queue.hpp"
+#include "sightline/base/counters.hpp"
+#include "sightline/model/stream_types.hpp"
+#include "sightline/pipeline/object_fusion.hpp"
+
+namespace sightline {
+
+/// The thread that runs the estimators: takes observations of all cameras in the order they come,
+/// publishes tracks. Capture, observe and render never wait for it.
+class FusionWorker {
+ public:
+  using OnEstimate = std::function<void(const PoseEstimate&)>;
+
+  /// `shape_symmetry`: by object. `on_estimate` (may be empty) hears of every estimate on the
+  /// fusion thread; it must not block.
+  static Result<std::unique_ptr<FusionWorker>> start(
+      const EstimatorOptions& options, const std::vector<NamedObject>& objects,
+      const std::vector<ShapeSymmetry>& shape_symmetry, std::shared_ptr<TrackBoard> board,
+      Registry& registry, HeartbeatBoard& beats, OnEstimate on_estimate);
+  ~FusionWorker() { stop(); }
+
+  /// Takes one frame's observation; from any thread, never waits.
+  void push(Observation observation);
+  /// Drops what is known of an object, a moment later; from any thread, never waits.
+  void forget(ObjectId object);
+  void stop();
+
+ private:
+  FusionWorker(std::unique_ptr<ObjectFusion> fusion, const std::vector<NamedObject>& objects,
+               Registry& registry, OnEstimate on_estimate);
+  void run(std::stop_token stop, Heartbeat& heartbeat);
+  void take(const Observation& observation);
+  void forget_those_named();
+
+  struct ObjectCounters {
+    Counter* accepted;
+    Counter* gated;
+    Counter* late;
+    Gauge* state;
+    std::vector<Gauge*> degraded_reasons;  ///< by bit
+  };
+  /// Why an object is degraded, and whether the log has it.
+  struct ReasonLog {
+    std::string object;
+    Time since{};
+    DegradedReasons now, said;
+  };
+  static void log_reasons(const PoseEstimate& estimate, ReasonLog& log);
+
+  std::unique_ptr<ObjectFusion> fusion_;
+  OnEstimate on_estimate_;
+  BoundedQueue<Observation> queue_{256};
+  std::mutex mutex_;  // guards forget_
+  std::vector<ObjectId> forget_;
+  Counter& dropped_;
+  std::vector<ObjectCounters> counters_;
+  std::vector<ReasonLog> reason_logs_;
+  std::jthread thread_;
+};
+
+}  // namespace sightline

@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "workers/stream_output.hpp"
+
+#include <utility>
+
+#include "sightline/base/log.hpp"
+
+namespace sightline {
+
+using namespace std::chrono_literals;
+
+std::shared_ptr<StreamOutput> StreamOutput::create(std::string camera, EncoderOptions options,
+                                                   std::vector<NamedObject> names,
+                                                   std::shared_ptr<RtspStream> stream,
+                                                   Registry& registry) {
+  std::shared_ptr<StreamOutput> output(
+      new StreamOutput(std::move(camera), std::move(options), std::move(names), registry));
+  output->move_to(std::move(stream));
+  return output;
+}
+
+void StreamOutput::move_to(std::shared_ptr<RtspStream> stream) {
+  stream->on_keyframe_wanted([wanted = keyframe_wanted_] { *wanted = true; });
+  stream_->publish(std::move(stream));
+}
+
+void StreamOutput::adopt(std::vector<NamedObject> names,
+                         const std::optional<EncoderOptions>& options) {
+  names_ = std::move(names);
+  if (!options) return;
+  close();  // another one is made for the next image
+  options_ = *options;
+  retry_at_ = {};
+}
+
+StreamOutput::StreamOutput(std::string camera, EncoderOptions options,
+                           std::vector<NamedObject> names, Registry& registry)
+    : camera_(std::move(camera)),
+      created_(std::move(options)),
+      options_(created_),
+      names_(std::move(names)),
+      encoded_(registry.counter("sightline_images_encoded_total", "Images encoded",
+                                {{"camera", camera_}})),
+      dropped_(registry.counter("sightline_frames_dropped_total",
+                                "Frames that a stage had no time for, by stage",
+                                {{"camera", camera_}, {"stage", "encode"}})),
+      unsent_(registry.counter("sightline_frames_dropped_total",
+                               "Frames that a stage had no time for, by stage",
+                               {{"camera", camera_}, {"stage", "send"}})),
+      viewers_(registry.gauge("sightline_viewers", "RTSP viewers playing", {{"camera", camera_}})) {
+}
+
+StreamOutput::~StreamOutput() { close(); }
+
+std::shared_ptr<VideoEncoder> StreamOutput::encoder() const {
+  std::lock_guard lock(mutex_);
+  return encoder_;
+}
+
+std::string StreamOutput::encoder_name() const {
+  const auto current = encoder();
+  return current ? current->encoder_name() : "";
+}
+
+bool StreamOutput::make_encoder() {
+  if (MonotonicClock::now() < retry_at_) return false;
+  auto made = VideoEncoder::create(options_, camera_, [stream = stream_](EncodedPacket packet) {
+    stream->read()->push(packet);
+  });
+  if (!made) {
+    log::error("{}: {}", camera_, made.error().message());
+    retry_at_ = MonotonicClock::now() + 5s;
+    return false;
+  }
+  log::info("{}: encoding with {}", camera_, (*made)->encoder_name());
+  counted_ = {};
+  std::lock_guard lock(mutex_);
+  encoder_ = *std::move(made);
+  return true;
+}
+
+void StreamOutput::accept(const AnnotatedImage& image) {
+  auto current = encoder();
+  if (current) {
+    if (const auto failure = current->failure()) {
+      log::error("{}: encoder lost: {}", camera_, failure->message());
+      close();
+      retry_at_ = MonotonicClock::now() + 1s;
+      current.reset();
+    }
+  }
+  if (!current) {
+    if (!make_encoder()) {
+      dropped_.add();
+      return;
+    }
+    current = encoder();
+  }
+  if (keyframe_wanted_->exchange(false)) current->request_keyframe();
+  current->push(image, names_);
+  report();
+}
+
+void StreamOutput::report() {
+  if (const auto current = encoder()) {
+    const EncoderCounts counts = current->counts();
+    encoded_.add(counts.encoded - counted_.encoded);
+    dropped_.add(counts.dropped - counted_.dropped);
+    counted_ = counts;
+  }
+  const std::shared_ptr<RtspStream> stream = stream_->read();
+  if (std::exchange(counted_stream_, stream) != stream) unsent_counted_ = 0;
+  const uint64_t unsent = stream->dropped();
+  unsent_.add(unsent - unsent_counted_);
+  unsent_counted_ = unsent;
+  viewers_.set(stream->viewers());
+}
+
+void StreamOutput::close() {
+  std::shared_ptr<VideoEncoder> last;
+  std::lock_guard lock(mutex_);
+  last.swap(encoder_);
+}
+
+}  // namespace sightline

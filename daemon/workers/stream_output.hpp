@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "sightline/base/counters.hpp"
+#include "sightline/base/snapshot.hpp"
+#include "sightline/model/seams.hpp"
+#include "sightline/stream/encoder.hpp"
+#include "sightline/stream/rtsp_server.hpp"
+
+namespace sightline {
+
+/// The way out of one camera: its encoder and its RTSP address. The encoder is made when the first
+/// viewer asks and made again should it fail; without images it costs nothing.
+class StreamOutput : public ImageSink {
+ public:
+  static std::shared_ptr<StreamOutput> create(std::string camera, EncoderOptions options,
+                                              std::vector<NamedObject> names,
+                                              std::shared_ptr<RtspStream> stream,
+                                              Registry& registry);
+  ~StreamOutput() override;
+
+  bool wanted() const override { return stream_->read()->wanted(); }
+  /// From the drawing thread only.
+  void accept(const AnnotatedImage& image) override;
+  /// Brings the counters up to date; from the drawing thread, also when there is nothing to draw.
+  void report();
+  /// Goes on with other objects, and with another encoder if `options` are given. From the drawing
+  /// thread, or while there is none.
+  void adopt(std::vector<NamedObject> names, const std::optional<EncoderOptions>& options);
+  /// Goes on at another server's address of the same name; its viewers have to come again. Any
+  /// thread.
+  void move_to(std::shared_ptr<RtspStream> stream);
+  /// Ends the encoder; nothing may be accepted afterwards.
+  void close();
+
+  int viewers() const { return stream_->read()->viewers(); }
+  std::string url() const { return stream_->read()->url(); }
+  /// As given to create(): size and rate stay for good. Any thread.
+  const EncoderOptions& options() const { return created_; }
+  /// Element that encodes now, or empty.
+  std::string encoder_name() const;
+
+ private:
+  StreamOutput(std::string camera, EncoderOptions options, std::vector<NamedObject> names,
+               Registry& registry);
+  std::shared_ptr<VideoEncoder> encoder() const;
+  bool make_encoder();
+
+  const std::string camera_;
+  const EncoderOptions created_;
+  EncoderOptions options_;  // in force; the drawing thread's
+  std::vector<NamedObject> names_;
+  // Shared with the encoder's thread, never null inside.
+  const std::shared_ptr<Snapshot<RtspStream>> stream_ = std::make_shared<Snapshot<RtspStream>>();
+  Counter &encoded_, &dropped_, &unsent_;
+  Gauge& viewers_;
+  EncoderCounts counted_;
+  uint64_t unsent_counted_ = 0;
+  std::shared_ptr<RtspStream> counted_stream_;  // that `unsent_counted_` belongs to
+  Time retry_at_{};                             // after a failed encoder
+
+  // Set on GStreamer threads, also after this object has gone, hence shared. The encoder itself is
+  // only ever touched by the drawing thread, so it cannot be destroyed on one of its own threads.
+  std::shared_ptr<std::atomic<bool>> keyframe_wanted_ = std::make_shared<std::atomic<bool>>(false);
+
+  mutable std::mutex mutex_;  // guards encoder_
+  std::shared_ptr<VideoEncoder> encoder_;
+};
+
+}  // namespace sightline

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "sightline/base/time.hpp"
+#include "sightline/geometry/rigid3.hpp"
+
+namespace sightline {
+
+/// What each stage of one search has left, for those who want to know where the truth was lost.
+struct DetectionTrace {
+  struct Candidate {
+    Rigid3 world_from_object;
+    double score = 0;  ///< of this stage
+  };
+  struct Stage {
+    std::string name;
+    std::vector<Candidate> candidates;  ///< best first
+    double at_ms = 0;                   ///< by `clock`, when the stage was done
+  };
+  double (*clock)() = nullptr;  ///< null: nobody asks for times
+  Time time{};                  ///< that the poses refer to
+  std::vector<Stage> stages;
+};
+
+/// What the images say of one pose, stage by stage; means over the cameras that have the middle of
+/// the object in their image.
+struct PoseAssessment {
+  double spread_response = 0;  ///< of edge directions, maps spread as for the scan, 0..1
+  double sharp_response = 0;   ///< the same, hardly spread
+  double edge_share = 0;       ///< of the lines that have an edge of their direction close by
+  double contrast = 0;         ///< outline_contrast()
+  double contour = 0;          ///< the score of the search by contours
+  double evidence = 0;         ///< as the search would judge it
+};
+
+}  // namespace sightline

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "sightline/model/observation.hpp"
+#include "sightline/pipeline/frame_trail.hpp"
+
+namespace sightline {
+
+struct CarryOptions {
+  /// The first step: nobody knows yet how the object moves.
+  Duration first_step = std::chrono::milliseconds(40);
+  /// Those that follow, at most; what is nearer to now is left out. Longer ones catch up sooner and
+  /// lose what is fast.
+  Duration step = std::chrono::milliseconds(120);
+  /// And where so many of them would be needed that now is never reached.
+  Duration max_step = std::chrono::milliseconds(240);
+  /// Steps in a row that may find nothing: the object is covered or blurred for a moment.
+  int max_misses = 2;
+  /// So far behind the newest frame the trackers take over.
+  Duration close_enough = std::chrono::milliseconds(60);
+};
+
+/// Follows what was found into these frames, one of a camera at most; empty: it is not there.
+using FollowStep = std::function<std::vector<Observation>(std::span<const FramePtr> frames)>;
+
+/// The search that found it began at most so long ago: then its result is given up.
+constexpr Duration kMaxCarry = std::chrono::seconds(5);
+
+/// Carries what a search has found, some tenths of a second ago, through the frames that came
+/// meanwhile to now: the object is followed from step to step, because in the newest frame it may
+/// be anywhere. Ends when the trail has no newer frame, when nothing is found any more (then the
+/// result is empty), or when `go_on` says no.
+std::vector<Observation> carry_forward(FrameTrail& trail, std::vector<Observation> found,
+                                       const FollowStep& follow, const std::function<bool()>& go_on,
+                                       const CarryOptions& options = {});
+
+/// The same step by step, for those whose clock stands still during a step. One thread at a time.
+class CarryForward {
+ public:
+  explicit CarryForward(std::vector<Observation> found, const CarryOptions& options = {});
+  /// One call of `follow`; false: the trail has no frame to go on to, or all is lost.
+  bool step(FrameTrail& trail, const FollowStep& follow);
+  /// Where it came to; empty: it was not there any more.
+  std::vector<Observation> take();
+
+ private:
+  const CarryOptions options_;
+  std::vector<Observation> found_;
+  Time now_{};
+  Duration next_;
+  int misses_ = 0;
+};
+
+}  // namespace sightline

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "sightline/observe/detect/color_verifier.hpp"
+#include "sightline/observe/detect/detection_policy.hpp"
+#include "sightline/observe/detect/object_detector.hpp"
+#include "sightline/observe/features/feature_detector.hpp"
+#include "sightline/observe/scene/background_model.hpp"
+#include "sightline/pipeline/rig.hpp"
+
+namespace sightline {
+
+/// Searches for the objects whose pose is not known: says when a search is due and runs it on the
+/// newest frames, with the backgrounds of the cameras. The same for replay, in step, and for the
+/// daemon, on a thread of its own. One thread at a time.
+class ObjectSearch {
+ public:
+  /// Null where there is nothing to search for: searching is off, no camera observes, or every
+  /// object is found by its markers.
+  static Result<std::unique_ptr<ObjectSearch>> create(const Installation& installation,
+                                                      const Rig& rig);
+
+  /// True if a search for some object is due at `now` (see search()). Cheap.
+  bool due(Time now, std::span<const PoseTrackPtr> tracks) const;
+  /// Takes a frame of this camera; only the newest of each counts. Learns the background from it if
+  /// that is due, and compares it with the background while an object is missing.
+  void add_frame(CameraId camera, const Frame& frame, std::span<const PoseTrackPtr> tracks);
+  /// False for a moment at the start, while cameras have given no frame yet that are about to: one
+  /// alone of several would be believed too easily. After `kFirstFrames` two of them are enough,
+  /// after `kAloneAfter` one is: the others are down.
+  bool complete(Time now) const;
+  /// Learns from a frame that is not searched; learns() says whether one of this time would be
+  /// used. `known` objects are left out.
+  bool learns(CameraId camera, Time capture) const;
+  void learn(CameraId camera, const Frame& frame, std::span<const PoseTrackPtr> tracks);
+  /// Searches for the object that has waited longest of those that are due: without a pose, or
+  /// coasting for longer than `kBlindAfter`, not searched for within the interval (later, if it has
+  /// not been found for 10 s: DetectConfig::max_load). One at a time, so that none is old news when
+  /// the other is found. The observations are at the capture times of the frames, in order of time.
+  std::vector<Observation> search(Time now, std::span<const PoseTrackPtr> tracks);
+  /// The same poses in newer frames, which may have come while the search ran. Replaces what
+  /// search() returned; empty if they are not found there. Then the next call goes on from where
+  /// they were found last.
+  std::vector<Observation> follow();
+
+  /// Says where an object is, for the searches for it up to `until`; it is looked for there first,
+  /// in kHintTries searches at most, and then everywhere. Takes the place of an earlier hint.
+  /// False: it is not searched for. Any thread.
+  bool hint(ObjectId object, const SearchHint& hint, Time until = Time::max());
+  /// Drops the hint and what earlier searches have found of the object. Any thread.
+  bool forget(ObjectId object);
+
+  /// What searching and following have done so far.
+  SearchWork work() const;
+
+  static constexpr Duration kBlindAfter = std::chrono::milliseconds(150);
+  static constexpr int kHintTries = 20;
+  static constexpr Duration kFirstFrames = std::chrono::milliseconds(100);
+  static constexpr Duration kAloneAfter = std::chrono::seconds(1);
+
+ private:
+  struct Told {
+    SearchHint hint;
+    Time until{};
+    int tries = 0;  ///< so far
+  };
+  /// An object that is searched for.
+  struct Target {
+    ObjectId object;
+    DetectionPolicy policy;
+    std::shared_ptr<const ViewpointModel> views;
+    std::unique_ptr<ObjectDetector> detector;
+    std::unique_ptr<ColorVerifier> colors;      ///< null: the mesh has none
+    std::unique_ptr<FeatureDetector> features;  ///< tried first; null: none were trained
+    bool by_features = false;                   ///< `found` by those
+    Time last{};
+    bool searched = false;
+    Detection found;
+    std::optional<Told> told;
+    Time missing_since{};  ///< first of the searches in a row that have not found it
+    Duration pause{0};     ///< from `last` to the next search
+  };
+  /// What other threads have said since the last search; no hint: forget.
+  struct Message {
+    ObjectId object;
+    std::optional<Told> told;
+  };
+  ObjectSearch() = default;
+  Status add_target(const Installation& installation, const RigObject& object,
+                    const std::vector<DetectorCamera>& cameras);
+  bool due(const Target& target, Time now, std::span<const PoseTrackPtr> tracks) const;
+  static bool missing(const Target& target, Time now, std::span<const PoseTrackPtr> tracks);
+  bool tell(Message message);
+  void take_messages();
+  void search(Target& target, Time now, std::vector<Observation>& out);
+  Detection look_where_told(Target& target, Time now);
+  Detection look_everywhere(Target& target);
+  /// Until the next search for it, after one that did such work and found target.found.
+  Duration pause_after(Target& target, Time now, const SearchWork& work) const;
+  /// Objects whose place is known at a time; `coasting`: also those that are only predicted.
+  void find_known(Time time, std::span<const PoseTrackPtr> tracks, bool coasting);
+
+  Duration interval_{};
+  double max_load_ = 1;
+  size_t cameras_ = 0;
+  std::vector<CameraId> delivered_;  ///< cameras that have given a frame
+  Time first_frame_{};
+  SearchWork feature_work_;
+  std::vector<Target> targets_;
+  std::vector<std::unique_ptr<BackgroundModel>> backgrounds_;  ///< by CameraId; null: none
+  std::vector<KnownObject> known_;
+  ForegroundMap foreground_;
+  mutable std::mutex mutex_;  ///< guards messages_
+  std::vector<Message> messages_;
+};
+
+}  // namespace sightline

@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "sightline/pipeline/point_collector.hpp"
+#include "sightline/pipeline/rig_parts.hpp"
+#include "sightline/pipeline/tracking_chain.hpp"
+#include "sightline/record/overlay_video.hpp"
+#include "sightline/record/pose_log.hpp"
+#include "sightline/record/replay.hpp"
+
+namespace sightline {
+
+/// What the pipeline came to after a whole recording.
+struct ReplaySummary {
+  size_t frames = 0;
+  size_t sets = 0;
+  std::map<std::string, std::map<std::string, size_t>> rows_by_state;  ///< object, state
+  double observe_cpu_ms = 0;                                           ///< all frames together
+  double fuse_cpu_ms = 0;
+  size_t searches = 0;  ///< times an object was looked for everywhere
+  double search_cpu_ms = 0;
+  SearchTiming search_timing;
+  double search_time_ms = 0;  ///< that searches have been charged with, on the recording's clock
+  double learn_cpu_ms = 0;    ///< of what hides objects
+  std::optional<PointSummary> points;  ///< if stereo points were asked for
+};
+
+struct ReplayOutputs {
+  std::filesystem::path video;   ///< folder; empty: none
+  std::filesystem::path png;     ///< folder; empty: none
+  std::filesystem::path points;  ///< PLY of stereo points; empty: none
+};
+
+/// The rooms of the daemon in one thread on a recording's own clock: every frame, in the order
+/// (capture time, camera), nothing dropped, no clock read: searches take as long as their work is
+/// worth (search_cost.hpp). Two runs give the same bytes.
+class ReplayPipeline {
+ public:
+  /// Cameras of the recording that the installation does not name are left out.
+  static Result<std::unique_ptr<ReplayPipeline>> create(const Installation& installation,
+                                                        std::shared_ptr<const Recording> recording,
+                                                        PoseLogWriter* log,
+                                                        const ReplayOutputs& outputs,
+                                                        const SearchTiming& search_timing = {});
+
+  /// Takes all frames of one capture time: observe, fuse, log, then draw with what is known now.
+  Status step(const std::vector<FramePtr>& frames);
+  Status finish();
+  /// Says where an object is, before the first step. False: it is not searched for.
+  bool hint(ObjectId object, const SearchHint& hint) { return chain_->hint(object, hint); }
+  /// From now on stereo points are reconstructed from every set of frames.
+  void want_points(const Installation& installation);
+  /// The newest of them; null: none lately.
+  ScenePointsPtr points_at(Time time) const;
+  const ReplaySummary& summary() const { return summary_; }
+  const Rig& rig() const { return rig_; }
+  /// What is known now, one track per object.
+  const std::vector<PoseTrackPtr>& tracks() const { return chain_->tracks(); }
+  /// What a camera of the recording has learned to hide the objects; null: nothing.
+  OcclusionDepthPtr hidden(size_t camera) const;
+
+ private:
+  struct Camera {
+    CameraId id;
+    std::string name;
+    bool observes = false;
+    std::unique_ptr<OcclusionLearner> learner;  // null: nothing is learned
+    std::unique_ptr<CameraRenderer> renderer;
+    std::unique_ptr<OverlayVideoWriter> video;
+    std::unique_ptr<ImagePool> pool;
+    size_t drawn = 0;
+  };
+
+  ReplayPipeline() = default;
+  Status add_camera(const Installation& installation, const RecordedCamera& recorded,
+                    const ReplayOutputs& outputs);
+  Status make_chain(const Installation& installation);
+  /// The frames of cameras that the installation names, under its ids.
+  void take(const std::vector<FramePtr>& frames);
+  Status fuse();
+  void learn(const std::vector<FramePtr>& frames);
+  void collect_points();
+  Status draw(const std::vector<FramePtr>& frames);
+  Status draw_one(const Frame& frame, Camera& camera);
+
+  Rig rig_;
+  std::vector<std::optional<Camera>> cameras_;  // by index in the recording
+  std::vector<std::string> camera_names_;       // by CameraId
+  std::unique_ptr<TrackingChain> chain_;
+  std::vector<CameraFrame> frames_;  // of the set that is taken
+  std::vector<PoseAt> poses_;
+  PoseLogWriter* log_ = nullptr;
+  std::filesystem::path png_folder_;
+  std::unique_ptr<PointCollector> collector_;  // null: no points wanted
+  std::filesystem::path points_file_;
+  std::vector<PointMark> marks_;
+  ReplaySummary summary_;
+};
+
+}  // namespace sightline

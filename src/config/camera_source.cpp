@@ -1,0 +1,196 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "config/camera_source.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "config/section_reader.hpp"
+
+namespace sightline::config {
+namespace {
+
+constexpr std::string_view kReplayScheme = "replay:";
+constexpr std::string_view kAravisScheme = "aravis:";
+constexpr std::string_view kV4l2Scheme = "v4l2:";
+constexpr std::string_view kLibcameraScheme = "libcamera:";
+
+// Notes the keys that exist for some kind of source, so that one at the wrong kind is told so.
+class KeyList {
+ public:
+  explicit KeyList(std::vector<std::string>& keys) : keys_(keys) {}
+  template <typename... Rest>
+  void flag(std::string_view key, Rest&&...) {
+    add(key);
+  }
+  template <typename... Rest>
+  void integer(std::string_view key, Rest&&...) {
+    add(key);
+  }
+  template <typename... Rest>
+  void number(std::string_view key, Rest&&...) {
+    add(key);
+  }
+  template <typename... Rest>
+  void seconds(std::string_view key, Rest&&...) {
+    add(key);
+  }
+  template <typename... Rest>
+  void text(std::string_view key, Rest&&...) {
+    add(key);
+  }
+  template <typename... Rest>
+  void choice(std::string_view key, Rest&&...) {
+    add(key);
+  }
+  template <typename... Rest>
+  void controls(std::string_view key, Rest&&...) {
+    add(key);
+  }
+
+ private:
+  void add(std::string_view key) { keys_.emplace_back(key); }
+  std::vector<std::string>& keys_;
+};
+
+template <typename Options>
+std::vector<std::string> keys_of() {
+  std::vector<std::string> keys;
+  KeyList list(keys);
+  Options options;
+  visit(list, options);
+  return keys;
+}
+
+std::vector<std::string> all_source_keys() {
+  std::vector<std::string> all{"loop", "recorded_as"};
+  for (const auto& keys : {keys_of<NetworkOptions>(), keys_of<AravisOptions>(),
+                           keys_of<V4l2Options>(), keys_of<LibcameraOptions>()}) {
+    all.insert(all.end(), keys.begin(), keys.end());
+  }
+  std::sort(all.begin(), all.end());
+  all.erase(std::unique(all.begin(), all.end()), all.end());
+  return all;
+}
+
+bool is_network_address(const std::string& source) {
+  for (const std::string_view scheme : {"rtsp://", "rtsps://", "http://", "https://"}) {
+    if (source.starts_with(scheme)) return true;
+  }
+  return false;
+}
+
+void refuse_other_keys(TomlTable& table, const std::vector<std::string>& own,
+                       std::string_view kind) {
+  for (const std::string& key : all_source_keys()) {
+    if (std::find(own.begin(), own.end(), key) == own.end()) {
+      table.refuse(key, fmt::format("is not for {}", kind));
+    }
+  }
+}
+
+// Which keys fit cannot be said while the source is wrong.
+void allow_all_source_keys(TomlTable& table) {
+  for (const std::string& key : all_source_keys()) table.allow(key);
+}
+
+// One table while its source is read.
+class SourceReader {
+ public:
+  SourceReader(TomlTable& table, const std::filesystem::path& file, const InstallationFiles& files,
+               CameraConfig& camera)
+      : table_(table), file_(file), files_(files), camera_(camera) {}
+
+  void read(const std::string& source) {
+    if (source.starts_with(kReplayScheme)) {
+      read_recorded(source.substr(kReplayScheme.size()));
+    } else if (is_network_address(source)) {
+      camera_.source = SourceKind::kNetwork;
+      camera_.network.url = source;
+      if (const auto url = check_network_url(source); !url) {
+        table_.problem("source", url.error().text);
+      }
+      read_live(camera_.network);
+    } else if (source.starts_with(kAravisScheme)) {
+      read_device(SourceKind::kAravis, kAravisScheme, source, camera_.aravis, camera_.aravis.id);
+    } else if (source.starts_with(kV4l2Scheme)) {
+      read_device(SourceKind::kV4l2, kV4l2Scheme, source, camera_.v4l2, camera_.v4l2.device);
+    } else if (source.starts_with(kLibcameraScheme)) {
+      read_device(SourceKind::kLibcamera, kLibcameraScheme, source, camera_.libcamera,
+                  camera_.libcamera.id);
+    } else {
+      refuse(source);
+    }
+  }
+
+ private:
+  void read_recorded(const std::string& folder) {
+    SectionReader reader(table_, file_, files_);
+    reader.flag("loop", camera_.loop);
+    reader.text("recorded_as", camera_.recorded_as);
+    if (folder.empty()) {
+      table_.problem("source", "\"replay:\" needs the folder of a recording behind it");
+    } else {
+      camera_.recording = resolve(file_, folder);
+    }
+    refuse_other_keys(table_, {"loop", "recorded_as"}, "a recording");
+  }
+
+  template <typename Options>
+  void read_device(SourceKind kind, std::string_view scheme, const std::string& source,
+                   Options& options, std::string& id) {
+    camera_.source = kind;
+    id = source.substr(scheme.size());
+    if (id.empty()) {
+      table_.problem(
+          "source",
+          fmt::format("\"{}\" needs a camera behind it, as `sightline cameras` names it", scheme));
+    }
+    options.rate_hz = camera_.rate_hz;
+    read_live(options);
+  }
+
+  // The size is the calibration's: an image of another one could not be drawn into.
+  template <typename Options>
+  void read_live(Options& options) {
+    SectionReader reader(table_, file_, files_);
+    visit(reader, options);
+    options.width = camera_.calibration.model.width();
+    options.height = camera_.calibration.model.height();
+    refuse_other_keys(table_, keys_of<Options>(), "this kind of source");
+  }
+
+  void refuse(const std::string& source) {
+    allow_all_source_keys(table_);
+    // What has an @ may hold a password.
+    const bool quotable = source.find('@') == std::string::npos;
+    table_.problem("source",
+                   fmt::format("{} is no source; known: replay:FOLDER (a recording), "
+                               "v4l2:DEVICE, aravis:ID, libcamera:ID, rtsp://ADDRESS, "
+                               "http://ADDRESS",
+                               quotable ? fmt::format("\"{}\"", source.substr(0, 200)) : "this"));
+  }
+
+  TomlTable& table_;
+  const std::filesystem::path& file_;
+  const InstallationFiles& files_;
+  CameraConfig& camera_;
+};
+
+}  // namespace
+
+void read_camera_source(TomlTable& table, const std::filesystem::path& file,
+                        const InstallationFiles& files, CameraConfig& camera) {
+  const bool named =
+      table.require("source", "where its images come from, as in \"v4l2:/dev/v4l/by-id/...\"");
+  const auto source = named ? table.text("source") : std::nullopt;
+  if (source) {
+    SourceReader(table, file, files, camera).read(source->text);
+  } else {
+    allow_all_source_keys(table);
+  }
+}
+
+}  // namespace sightline::config

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "fuse/bank/hypothesis_bank.hpp"
+
+#include "fuse/bank/camera_record.hpp"
+#include "fuse/bank/hypothesis_selection.hpp"
+#include "fuse/bank/prediction.hpp"
+#include "fuse/bank/track_state.hpp"
+
+namespace sightline::fuse {
+
+HypothesisBank::HypothesisBank(const EstimatorOptions& options, ObjectId object,
+                               const ShapeSymmetry& shape_symmetry)
+    : options_(options),
+      object_(object),
+      symmetric_(shape_symmetry),
+      hypothesis_update_(options_, symmetric_),
+      track_initiation_(options_, symmetric_, object) {}
+
+BankState HypothesisBank::nothing_known() const {
+  BankState state;
+  state.published.object = object_;
+  return state;
+}
+
+void HypothesisBank::step(const BankState& before, Time time,
+                          std::span<const Observation> observations, BankState& after) {
+  after = before;
+  after.gated = 0;
+  after.iterations = 0;
+  after.started = after.reset = false;
+  expire(time, options_, after);
+  collect(time, observations, after, symmetric_.unobservable_axis(), options_, set_);
+  outcomes_.clear();
+  if (!set_.measurements.empty()) {
+    update(set_, after, outcomes_);
+  } else {
+    for (int i = 0; i < after.count; ++i) {
+      Hypothesis& hypothesis = after.hypotheses[static_cast<size_t>(i)];
+      hypothesis.estimate = predicted(hypothesis, time, hypothesis.motion, options_);
+    }
+  }
+  const Outcome* best = outcomes_.empty() ? nullptr : &outcomes_.front();
+  const bool contradicted = record_observations(time, observations, best, options_, after);
+  publish(time, contradicted, options_, symmetric_, after);
+}
+
+void HypothesisBank::update(const MeasurementSet& set, BankState& state,
+                            std::vector<Outcome>& outcomes) {
+  const bool was_empty = state.count == 0;
+  if (was_empty) {
+    track_initiation_.run(set, 0.0, false, outcomes);
+  } else {
+    for (int i = 0; i < state.count; ++i) {
+      hypothesis_update_.run(state.hypotheses[static_cast<size_t>(i)], set, outcomes);
+    }
+    merge_and_sort(symmetric_, outcomes);
+    if (needs_challenger(set.time, options_, state, outcomes)) {
+      track_initiation_.run(set, state.hypotheses[0].evidence, true, outcomes);
+    }
+  }
+  merge_and_sort(symmetric_, outcomes);
+  select_hypotheses(options_, outcomes, state);
+  state.started = was_empty && state.count > 0;
+}
+
+}  // namespace sightline::fuse

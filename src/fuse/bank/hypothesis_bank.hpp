@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "fuse/bank/hypothesis_update.hpp"
+#include "fuse/bank/measurement_set.hpp"
+#include "fuse/bank/outcome.hpp"
+#include "fuse/bank/symmetric_hypotheses.hpp"
+#include "fuse/bank/track_initiation.hpp"
+#include "fuse/bank_state.hpp"
+#include "sightline/fuse/estimator.hpp"
+
+namespace sightline::fuse {
+
+/// The estimator without memory of its own: before + set = after. Has only scratch inside, so the
+/// same input gives the same bytes.
+class HypothesisBank {
+ public:
+  HypothesisBank(const EstimatorOptions& options, ObjectId object,
+                 const ShapeSymmetry& shape_symmetry);
+  HypothesisBank(const HypothesisBank&) = delete;
+  HypothesisBank& operator=(const HypothesisBank&) = delete;
+
+  /// State of an object that was never seen.
+  BankState nothing_known() const;
+  /// `observations`: of one object at one capture time, not before the state's. `after` may not be
+  /// `before`.
+  void step(const BankState& before, Time time, std::span<const Observation> observations,
+            BankState& after);
+
+ private:
+  void update(const MeasurementSet& set, BankState& state, std::vector<Outcome>& outcomes);
+
+  const EstimatorOptions options_;
+  const ObjectId object_;
+  const SymmetricHypotheses symmetric_;
+  HypothesisUpdate hypothesis_update_;
+  TrackInitiation track_initiation_;
+  MeasurementSet set_;             // scratch of one step
+  std::vector<Outcome> outcomes_;  // scratch of one step
+};
+
+}  // namespace sightline::fuse

@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "fuse/bank/track_state.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "fuse/bank/camera_record.hpp"
+#include "fuse/update/gating.hpp"
+#include "fuse/update/innovation_bias.hpp"
+#include "fuse/update/motion_scale.hpp"
+
+namespace sightline::fuse {
+namespace {
+
+double largest_sigma(const Eigen::Matrix3d& covariance) {
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
+  solver.computeDirect(covariance, Eigen::EigenvaluesOnly);
+  return std::sqrt(std::max(0.0, solver.eigenvalues().maxCoeff()));
+}
+
+// What is against `tracking`, of an object that `holding` cameras see.
+DegradedReasons degraded_reasons_of(int holding, bool contradicted, const EstimatorOptions& options,
+                                    const SymmetricHypotheses& symmetric, const BankState& state) {
+  const Hypothesis& main = state.hypotheses[0];
+  const Matrix6 covariance = state.published.own_covariance();
+  const bool alone = holding == 1;
+  const double limit =
+      alone ? std::min(options.max_sigma_translation, options.max_sigma_translation_alone)
+            : options.max_sigma_translation;
+  DegradedReasons degraded_reasons = 0;
+  const auto add = [&](bool holds, DegradedReason reason) {
+    if (holds) degraded_reasons = static_cast<DegradedReasons>(degraded_reasons | reason);
+  };
+  add(main.confirmations < options.confirm_sets, kUnconfirmed);
+  add(state.count > 1, kSeveralPoses);
+  add(symmetric.ambiguous(main), kAmbiguous);
+  add(state.published.own_sigma_translation() > limit, kWeakPosition);
+  add(largest_sigma(symmetric.known_rotation(covariance.topLeftCorner<3, 3>())) >
+          options.max_sigma_rotation,
+      kWeakRotation);
+  add(alone && (options.one_camera_is_degraded || (degraded_reasons & kWeakPosition) != 0),
+      kOneCamera);
+  add(contradicted, kContradicted);
+  return degraded_reasons;
+}
+
+void classify(Time time, bool contradicted, const EstimatorOptions& options,
+              const SymmetricHypotheses& symmetric, BankState& state) {
+  PoseEstimate& out = state.published;
+  out.degraded_reasons = 0;
+  if (state.count == 0) {
+    const bool long_ago = time - out.last_measured > options.searching_after;
+    out.state = state.found_before && !long_ago ? TrackState::kLost : TrackState::kSearching;
+    return;
+  }
+  const int holding = std::popcount(holding_cameras(time, options, state));
+  if (holding == 0) {
+    out.state = TrackState::kCoasting;
+    out.degraded_reasons = symmetric.ambiguous(state.hypotheses[0]) ? kAmbiguous : 0;
+    return;
+  }
+  out.degraded_reasons = degraded_reasons_of(holding, contradicted, options, symmetric, state);
+  out.state = out.degraded_reasons == 0 ? TrackState::kTracking : TrackState::kDegraded;
+}
+
+// The filter takes a camera's systematic error for new in every frame and averages it away. What is
+// published is in no direction surer than the systematic error of the cameras that hold the object.
+void keep_systematic(const Matrix6& information, const Matrix6& steady, PoseEstimate& estimate) {
+  if (information.isZero(0.0) && steady.isZero(0.0)) return;
+  Matrix6 min = steady;
+  if (!information.isZero(0.0)) {
+    const Matrix6 bounded = information + Matrix6(anywhere_covariance().inverse());
+    min += bounded.ldlt().solve(Matrix6::Identity());
+  }
+  const Eigen::LLT<Matrix6> root(estimate.pose_covariance());  // P = L L^T
+  Matrix6 relative = root.matrixL().solve(min);
+  relative = root.matrixL().solve(relative.transpose()).eval();
+  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(relative);
+  const Vector6 missing = (eigen.eigenvalues().array() - 1.0).cwiseMax(0.0);
+  const Matrix6 axes = root.matrixL() * eigen.eigenvectors();
+  estimate.covariance.topLeftCorner<6, 6>() += axes * missing.asDiagonal() * axes.transpose();
+}
+
+// Moments of the mixture about the pose in force.
+void add_spread(const BankState& state, PoseEstimate& estimate) {
+  double total = 0;
+  for (int i = 0; i < state.count; ++i) {
+    total += std::exp(-0.5 * state.hypotheses[static_cast<size_t>(i)].evidence);
+  }
+  if (!(total > 0)) return;
+  for (int i = 1; i < state.count; ++i) {
+    const Hypothesis& other = state.hypotheses[static_cast<size_t>(i)];
+    const Vector6 d = difference(estimate.world_from_object, other.estimate.world_from_object);
+    const double weight = std::exp(-0.5 * other.evidence) / total;
+    estimate.covariance.topLeftCorner<6, 6>() += weight * d * d.transpose();
+  }
+}
+
+}  // namespace
+
+void publish(Time time, bool contradicted, const EstimatorOptions& options,
+             const SymmetricHypotheses& symmetric, BankState& state) {
+  PoseEstimate& out = state.published;
+  if (state.count > 0) {
+    out = state.hypotheses[0].estimate;
+    state.found_before = true;
+    const int holding = std::max(1, std::popcount(holding_cameras(time, options, state)));
+    const Matrix6& systematic = state.hypotheses[0].systematic_information;
+    keep_systematic(systematic, Matrix6::Zero(), out);
+    // Beside the covariance: observers place their lines by that, next to where the filter is.
+    PoseEstimate wide = out;
+    keep_systematic(systematic, state.bias_share / holding * systematic_covariance(options), wide);
+    const Matrix6 steady = wide.own_covariance() - out.own_covariance();
+    add_spread(state, out);
+    out.alternatives = symmetric.spread(state.hypotheses[0]) + steady;
+  } else {
+    out.cameras = 0;
+  }
+  out.time = time;
+  classify(time, contradicted, options, symmetric, state);
+  if (out.state != TrackState::kCoasting) return;
+  for (Hypothesis& hypothesis : state.hypotheses) {
+    hypothesis.motion = at_least_nominal(hypothesis.motion);
+  }
+}
+
+TrackState state_in_silence(const BankState& state, Time now, const EstimatorOptions& options) {
+  const PoseEstimate& newest = state.published;
+  if (!state.found_before) return TrackState::kSearching;
+  const Duration age = now - newest.last_measured;
+  if (age > options.searching_after) return TrackState::kSearching;
+  if (state.count == 0 || age > options.lost_after) return TrackState::kLost;
+  if (now > held_until(state, options) + options.silence) return TrackState::kCoasting;
+  return newest.state;
+}
+
+void append_silence(const BankState& state, Time now, const EstimatorOptions& options,
+                    std::vector<PoseEstimate>& track) {
+  const PoseEstimate newest = state.published;
+  if (!has_pose(newest.state)) return;
+  const Duration instant{1};
+  const Time lost = newest.last_measured + options.lost_after + instant;
+  const Time coasting = held_until(state, options) + options.silence + instant;
+  if (newest.state != TrackState::kCoasting && coasting > newest.time && coasting < lost &&
+      now >= coasting) {
+    track.push_back(predict(newest, coasting, options.noise));
+    track.back().state = TrackState::kCoasting;
+    track.back().cameras = 0;
+  }
+  if (now < lost || lost <= newest.time) return;
+  track.push_back(newest);
+  track.back().time = lost;
+  track.back().state = TrackState::kLost;
+  track.back().cameras = 0;
+}
+
+}  // namespace sightline::fuse

@@ -1,0 +1,246 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "observe/detect/contour_search.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <numeric>
+#include <set>
+
+#include "observe/detect/color_silhouettes.hpp"
+#include "observe/detect/detect_constants.hpp"
+#include "observe/detect/pixels/sector_contrast.hpp"
+
+namespace sightline::observe {
+namespace {
+
+// The contrast that a fit may tell is another one than that of contours.
+constexpr FitEffort kFullFit{8, kSampleStep, false};
+constexpr FitEffort kQuickFit{5, kScreenedStep, false};
+
+void note(DetectionTrace* trace, const char* name, const std::vector<JointPose>& poses) {
+  if (trace == nullptr) return;
+  DetectionTrace::Stage stage{name, {}, trace->clock != nullptr ? trace->clock() : 0};
+  for (const JointPose& pose : poses) {
+    stage.candidates.push_back({pose.world_from_object, pose.score});
+  }
+  trace->stages.push_back(std::move(stage));
+}
+
+void note(DetectionTrace* trace, const char* name, const std::vector<ContourPose>& poses) {
+  if (trace == nullptr) return;
+  DetectionTrace::Stage stage{name, {}, trace->clock != nullptr ? trace->clock() : 0};
+  for (const ContourPose& pose : poses) {
+    stage.candidates.push_back({pose.fit.motion.world_from_object, pose.score});
+  }
+  trace->stages.push_back(std::move(stage));
+}
+
+template <typename Pose>
+void sort_by_score(std::vector<Pose>& poses) {
+  std::stable_sort(poses.begin(), poses.end(),
+                   [](const Pose& a, const Pose& b) { return a.score > b.score; });
+}
+
+// The best pose of each cell of place and rotation, at most `max`; sorted.
+std::vector<JointPose> thinned(std::span<const JointPose> sorted, const Eigen::Vector3d& center,
+                               double place_step, double angle_step, size_t max) {
+  std::set<std::array<int, 7>> taken;
+  std::vector<JointPose> out;
+  for (const JointPose& pose : sorted) {
+    if (out.size() == max) break;
+    const Eigen::Vector3d place = pose.world_from_object * center / place_step;
+    Eigen::Vector4d q = pose.world_from_object.rotation.coeffs() * (2 / angle_step);
+    if (q.w() < 0) q = -q;
+    std::array<int, 7> cell;
+    for (int i = 0; i < 3; ++i)
+      cell[static_cast<size_t>(i)] = static_cast<int>(std::floor(place[i]));
+    for (int i = 0; i < 4; ++i)
+      cell[static_cast<size_t>(3 + i)] = static_cast<int>(std::lround(q[i]));
+    if (taken.insert(cell).second) out.push_back(pose);
+  }
+  return out;
+}
+
+}  // namespace
+
+double joint_score(std::vector<double> cameras) {
+  const size_t needed = std::min<size_t>(2, cameras.size());
+  std::erase_if(cameras, [](double score) { return score < 0; });
+  if (cameras.empty() || cameras.size() < needed) return 0;
+  std::sort(cameras.begin(), cameras.end(), std::greater<>());
+  if (cameras.size() > 2) cameras.pop_back();
+  return std::accumulate(cameras.begin(), cameras.end(), 0.0) / static_cast<double>(cameras.size());
+}
+
+ContourPose ContourSearch::scored(const DetectorFrames& frames, PoseFit fit,
+                                  size_t sample_step) const {
+  const ViewpointModel& model = bank_.model();
+  ContourPose out{std::move(fit), {}, 0};
+  for (size_t i = 0; i < frames.size(); ++i) {
+    const FitCamera& camera = frames.fit_cameras()[i];
+    const CameraModel& lens = camera.camera->model;
+    const Rigid3 camera_from_object = camera.camera_from_world * out.fit.motion.at(camera.seconds);
+    const auto pixel = lens.project(camera_from_object * model.center());
+    out.cameras.push_back(-1);
+    if (!pixel || pixel->x() < 0 || pixel->y() < 0 || pixel->x() >= lens.width() ||
+        pixel->y() >= lens.height())
+      continue;
+    const View view = model.view(model.nearest(camera_from_object));
+    out.cameras.back() =
+        out.fit.cameras[i].share() *
+        sector_contrast(view, lens, camera_from_object, model.radius(), *camera.image, sample_step);
+  }
+  out.score = joint_score(out.cameras);
+  return out;
+}
+
+ContourPose ContourSearch::evaluate(const DetectorFrames& frames, const RigMotion& motion) const {
+  return scored(frames, fitter_.evaluate(frames.fit_cameras(), motion), kSampleStep);
+}
+
+std::vector<ContourPose> ContourSearch::fit(const DetectorFrames& frames,
+                                            std::span<const RigMotion> starts, double reach,
+                                            const FitEffort& effort) const {
+  std::vector<ContourPose> fits(starts.size());
+  executor_(starts.size(), [&](size_t i) {
+    PoseFit fit = fitter_.fit(frames.fit_cameras(), starts[i], reach, effort);
+    fits[i] = scored(frames, std::move(fit), effort.sample_step);
+  });
+  sort_by_score(fits);
+  return fits;
+}
+
+std::vector<ContourPose> ContourSearch::fit(const DetectorFrames& frames,
+                                            std::span<const RigMotion> starts) const {
+  std::vector<ContourPose> fits = fit(frames, starts, kSearchReach, kFullFit);
+  reorient(frames, fits);
+  return fits;
+}
+
+std::vector<ContourPose> ContourSearch::fit_promising(const DetectorFrames& frames,
+                                                      std::span<const RigMotion> starts,
+                                                      double reach, double known) const {
+  const std::vector<ContourPose> quick = fit(frames, starts, reach, kQuickFit);
+  if (quick.empty()) return {};
+  const double enough = kPromising * std::max(known, quick.front().score);
+  // Of each place some, and of other places too: those are the rivals that it has to beat.
+  const Eigen::Vector3d& center = bank_.model().center();
+  const double radius = bank_.model().radius();
+  std::vector<RigMotion> promising;
+  for (const ContourPose& pose : quick) {
+    if (pose.score < enough || promising.size() == kMaxPromising) break;
+    const Rigid3& here = pose.fit.motion.world_from_object;
+    size_t same_place = 0;
+    bool same = false;
+    for (const RigMotion& other : promising) {
+      const double distance = (other.world_from_object * center - here * center).norm();
+      if (distance < kOtherPlace * radius) ++same_place;
+      same |= distance < kSameFitDistance * radius &&
+              rotation_angle(other.world_from_object, here) < kSameFitAngle;
+    }
+    if (!same && same_place < kMaxOfPlace) promising.push_back(pose.fit.motion);
+  }
+  return fit(frames, promising, kFinalReach, kFullFit);
+}
+
+// Those that stand out where they are, before anything is fitted.
+std::vector<JointPose> ContourSearch::screened(const DetectorFrames& frames,
+                                               std::vector<JointPose> poses,
+                                               DetectionTrace* trace) const {
+  const double radius = bank_.model().radius();
+  const JointSearch joint(bank_, frames.search_cameras(), executor_);
+  joint.climb(poses, JointSearch::Spread::kFar, 0.15, 0.25 * radius, 0);
+  sort_by_score(poses);
+  if (poses.size() > kMaxClimbedOn) poses.resize(kMaxClimbedOn);
+  joint.climb(poses, JointSearch::Spread::kFar, 0.075, 0.125 * radius, 1);
+  sort_by_score(poses);
+  poses = thinned(poses, bank_.model().center(), 0.1 * radius, 0.12, kMaxPool);
+  note(trace, "climbed", poses);
+  if (poses.size() > kMaxScreened) poses.resize(kMaxScreened);
+  executor_(poses.size(), [&](size_t i) {
+    const RigMotion resting{poses[i].world_from_object, Vector6::Zero()};
+    PoseFit here = fitter_.lines(frames.fit_cameras(), resting, kScreenedStep);
+    poses[i].score = scored(frames, std::move(here), kScreenedStep).score;
+  });
+  sort_by_score(poses);
+  note(trace, "screened", poses);
+  if (poses.size() > kMaxContourFits) poses.resize(kMaxContourFits);
+  return poses;
+}
+
+// Rivals of the best: the same turned about its principal axes, and where a slightly other start
+// leads to.
+void ContourSearch::add_variants(const DetectorFrames& frames,
+                                 std::vector<ContourPose>& fits) const {
+  const Eigen::Vector3d& center = bank_.model().center();
+  if (fits.empty()) return;
+  const size_t best = std::min(kContourVariants, fits.size());
+  std::vector<RigMotion> starts;
+  for (size_t i = 0; i < best; ++i) {
+    const RigMotion motion = fits[i].fit.motion;
+    for (const RigMotion& rotated : fitter_.rotated(motion)) starts.push_back(rotated);
+    for (int axis = 0; axis < 3; ++axis) {
+      for (const double angle : {kVariantAngle, -kVariantAngle}) {
+        const Eigen::Quaterniond turn(Eigen::AngleAxisd(angle, Eigen::Vector3d::Unit(axis)));
+        RigMotion start = motion;
+        start.world_from_object = motion.world_from_object * Rigid3(turn, center - turn * center);
+        starts.push_back(start);
+      }
+    }
+  }
+  for (ContourPose& variant : fit_promising(frames, starts, kRotatedReach, fits.front().score)) {
+    fits.push_back(std::move(variant));
+  }
+  sort_by_score(fits);
+}
+
+std::vector<ContourPose> ContourSearch::search(const DetectorFrames& frames,
+                                               std::span<const JointPose> verified,
+                                               DetectionTrace* trace) const {
+  const double step = 0.25 * bank_.model().radius();
+  std::vector<JointPose> poses = thinned(verified, bank_.model().center(), step, 0.25, kMaxPool);
+  note(trace, "pool", poses);
+  std::vector<RigMotion> starts;
+  for (const JointPose& pose : screened(frames, std::move(poses), trace)) {
+    starts.push_back({pose.world_from_object, Vector6::Zero()});
+  }
+  std::vector<ContourPose> fits = fit_promising(frames, starts, kSearchReach, 0);
+  note(trace, "fitted", fits);
+  add_variants(frames, fits);
+  note(trace, "varied", fits);
+  reorient(frames, fits);
+  note(trace, "final", fits);
+  return fits;
+}
+
+void ContourSearch::reorient(const DetectorFrames& frames, std::vector<ContourPose>& fits) const {
+  if (fits.empty() || fits.front().score < kMinReoriented) return;
+  const ContourPose best = fits.front();
+  const ColorSilhouettes colors(frames, bank_.model(), best.fit.motion, best.cameras);
+  const Eigen::Vector3d center = best.fit.motion.world_from_object * bank_.model().center();
+  std::vector<RigMotion> starts;
+  for (const JointPose& pose :
+       silhouettes_.orientations(colors.cameras(), center, kMaxReoriented)) {
+    starts.push_back({pose.world_from_object, Vector6::Zero()});
+  }
+  for (ContourPose& pose : fit_promising(frames, starts, kSearchReach, best.score)) {
+    fits.push_back(std::move(pose));
+  }
+  std::vector<double> overlaps(fits.size(), -1);
+  executor_(fits.size(), [&](size_t i) {
+    const RigMotion& motion = fits[i].fit.motion;
+    if ((motion.world_from_object * bank_.model().center() - center).norm() >
+        kOtherPlace * bank_.model().radius())
+      return;
+    overlaps[i] = colors.overlap(silhouettes_, motion);
+  });
+  const double most = *std::max_element(overlaps.begin(), overlaps.end());
+  for (size_t i = 0; i < fits.size(); ++i) {
+    if (overlaps[i] >= 0 && most > 0) fits[i].score *= overlaps[i] / most;
+  }
+  sort_by_score(fits);
+}
+
+}  // namespace sightline::observe

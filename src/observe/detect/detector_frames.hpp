@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "observe/detect/pixels/edge_maps.hpp"
+#include "observe/detect/pixels/half_size_frame.hpp"
+#include "observe/detect/pose_fit.hpp"
+#include "observe/detect/search_camera.hpp"
+#include "observe/detect/search_distances.hpp"
+#include "observe/detect/silhouette_search.hpp"
+#include "sightline/base/executor.hpp"
+#include "sightline/observe/detect/detector_options.hpp"
+#include "sightline/observe/detect/search_work.hpp"
+#include "sightline/observe/terms/detection.hpp"
+#include "sightline/observe/terms/foreground_map.hpp"
+
+namespace sightline::observe {
+
+/// The newest frame of every camera, and of those that take part in the detection under way what
+/// its stages need. Cameras that take part are counted from 0 to size().
+class DetectorFrames {
+ public:
+  DetectorFrames(std::vector<DetectorCamera> cameras, const DetectorOptions& options,
+                 Executor executor = run_serially);
+
+  /// See ObjectDetector::add_frame().
+  void add(CameraId camera, const Frame& frame, const ForegroundMap* foreground);
+  /// As many cameras as are needed to believe a pose see foreground.
+  bool show_foreground() const;
+
+  /// Chooses the frames that take part and finds their edges; false without any. `focused`: only
+  /// edges near the foreground, where that is known. The reference time is that of the newest.
+  bool select(bool focused);
+  /// Response maps of the chosen frames, for scan() and JointSearch; made when they are needed.
+  void compute_responses(int margin);
+  /// Time that poses refer to; those of the images count from it.
+  void set_reference(Time reference);
+
+  const std::vector<DetectorCamera>& cameras() const { return cameras_; }
+  size_t size() const { return active_.size(); }
+  Time newest() const { return newest_; }
+  /// Of the i-th camera that takes part.
+  size_t camera_index(size_t i) const { return active_[i]; }
+  /// Images whose edges were found so far.
+  const SearchWork& work() const { return work_; }
+  const FrameInfo& info(size_t i) const { return slots_[active_[i]].frame.info; }
+  const ForegroundMap* foreground(size_t i) const;
+  const EdgeImage& edges(size_t i) const { return edges_[i]; }
+  /// 1 where edges count, of the half-size image; empty: everywhere.
+  const std::vector<uint8_t>& mask(size_t i) const { return masks_[i]; }
+
+  std::span<const SearchCamera> search_cameras() const { return search_cameras_; }
+  std::span<const FitCamera> fit_cameras() const { return fit_cameras_; }
+  /// Those whose foreground is known; none, if these are too few to believe a pose.
+  std::vector<SilhouetteCamera> silhouette_cameras(const SearchDistances& distances) const;
+
+ private:
+  struct Slot {
+    HalfSizeFrame frame;
+    ForegroundMap foreground;
+    bool has_foreground = false;
+  };
+  size_t needed() const;
+  /// What the stages need of the i-th camera that takes part.
+  void prepare(size_t i, bool focused);
+
+  const std::vector<DetectorCamera> cameras_;
+  const Duration max_age_;
+  const double usual_speed_;
+  const Executor executor_;
+  std::vector<Slot> slots_;  ///< by camera
+
+  SearchWork work_;
+  Time newest_{};
+  std::vector<size_t> active_;  ///< cameras that take part; what follows is by these
+  std::vector<EdgeImage> edges_;
+  std::vector<std::vector<uint8_t>> masks_;
+  std::vector<SearchCamera> search_cameras_;
+  std::vector<FitCamera> fit_cameras_;
+};
+
+}  // namespace sightline::observe

@@ -1,0 +1,392 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sightline/observe/detect/object_detector.hpp"
+
+#include <algorithm>
+#include <optional>
+
+#include "observe/detect/contour_search.hpp"
+#include "observe/detect/detect_constants.hpp"
+#include "observe/detect/detection_judge.hpp"
+#include "observe/detect/detector_frames.hpp"
+#include "observe/detect/pose_fit.hpp"
+#include "observe/detect/pose_scan.hpp"
+#include "observe/detect/pose_verification.hpp"
+#include "observe/detect/search_distances.hpp"
+#include "observe/detect/silhouette_search.hpp"
+#include "observe/detect/template_bank.hpp"
+
+namespace sightline {
+
+using namespace observe;
+
+namespace {
+
+Status check(const DetectorOptions& o, size_t cameras) {
+  const auto refuse = [](const char* what) {
+    return make_error(ErrorCode::kInvalidInput, "detector", "{}", what);
+  };
+  if (cameras == 0) return refuse("no camera to look through");
+  if (!(o.nearest >= 0) || !(o.farthest >= 0) || (o.farthest > 0 && o.farthest <= o.nearest)) {
+    return refuse("nearest and farthest must be distances in meters, nearest first");
+  }
+  if (!(o.accept > 0) || !(o.margin > 0 && o.margin <= 1)) {
+    return refuse("accept must be positive, margin above 0 and at most 1");
+  }
+  if (!(o.min_diameter_px > 0) || !(o.min_silhouette_px > 0) || !(o.max_height_share > 0) ||
+      o.max_age < Duration(0) || !(o.usual_speed >= 0)) {
+    return refuse("sizes must be positive, max_age and usual_speed not negative");
+  }
+  if (o.scan_hits < 10 || !(o.sigma_px > 0) || !(o.independent > 0 && o.independent <= 1)) {
+    return refuse("scan_hits, sigma_px and independent must be positive");
+  }
+  return {};
+}
+
+}  // namespace
+
+class ObjectDetector::Impl {
+ public:
+  Impl(ObjectId object, std::shared_ptr<const ViewpointModel> views,
+       std::vector<DetectorCamera> cameras, const DetectorOptions& options,
+       const Executor& executor)
+      : options_(options),
+        executor_(executor),
+        bank_(std::move(views)),
+        silhouettes_(bank_),
+        distances_(search_distances(cameras, model().radius(), options)),
+        frames_(std::move(cameras), options, executor),
+        scan_(bank_, distances_, options.scan_hits, executor),
+        verification_(bank_, silhouettes_, executor),
+        fitter_(model(), executor),
+        contours_(bank_, silhouettes_, fitter_, executor),
+        judge_(object, options, model().center(), model().radius()) {}
+
+  void add_frame(CameraId camera, const Frame& frame, const ForegroundMap* foreground) {
+    frames_.add(camera, frame, foreground);
+    forget_told();
+  }
+
+  Detection detect_at(const SearchHint& hint) {
+    Detection out;
+    forget_told();
+    hint_ = hint;
+    // Of many poses at a place in an image some fit: those elsewhere have to be known, too.
+    const auto* pose = std::get_if<Rigid3>(&hint);
+    if (pose == nullptr || !frames_.select(false)) return out;
+    frames_.compute_responses(distances_.map_margin);
+    out.time = frames_.newest();
+    const auto cameras = frames_.silhouette_cameras(distances_);
+    for (const Rigid3& moved : verification_.follow(frames_, cameras, *pose)) {
+      told_.push_back({moved, Vector6::Zero()});
+    }
+    std::vector<JudgedPose> judged;
+    fit_and_judge(told_, judged);
+    add_rotated(judged);
+    judge_.decide(frames_, judged, out);
+    return out;
+  }
+
+  Detection detect() {
+    Detection out;
+    const bool focused = !everywhere_next_ && frames_.show_foreground();
+    if (!frames_.select(focused)) return out;
+    frames_.compute_responses(distances_.map_margin);
+    const size_t scanned = scan_.next_camera(frames_, focused);
+    out.time = frames_.info(scanned).capture;
+    frames_.set_reference(out.time);
+    std::vector<JudgedPose> judged;
+    if (focused) {
+      const auto cameras = frames_.silhouette_cameras(distances_);
+      std::vector<RigMotion> starts;
+      for (const Rigid3& pose : verification_.by_silhouettes(frames_, cameras)) {
+        starts.push_back({pose, Vector6::Zero()});
+      }
+      fit_and_judge(starts, judged);
+    }
+    // Silhouettes have been tried from all sides: where one is beyond doubt, edges add nothing.
+    const bool clear = std::any_of(judged.begin(), judged.end(), [&](const JudgedPose& pose) {
+      return judge_.clear(pose, frames_.size());
+    });
+    std::vector<ContourPose> contours;
+    if (!clear) {
+      contours = search_contours(scan_.scan(frames_, scanned, focused));
+      for (const ContourPose& pose : contours) {
+        judged.push_back(judge_.judge(fitter_.with_contrast(frames_.fit_cameras(), pose.fit)));
+      }
+    }
+    add_rotated(judged);
+    judge_.decide(frames_, judged, out);
+    const Detection by_contour = found_by_contour(contours, out.time);
+    if (out.poses.empty()) {
+      out = by_contour;
+    } else {
+      out.by_contour = same_place(out, by_contour);
+    }
+    everywhere_next_ = focused && out.poses.empty();
+    forget_told();
+    return out;
+  }
+
+  void explain(DetectionTrace& trace) {
+    if (!frames_.select(false)) return;
+    frames_.compute_responses(distances_.map_margin);
+    const size_t scanned = scan_.next_camera(frames_, false);
+    trace.time = frames_.info(scanned).capture;
+    frames_.set_reference(trace.time);
+    const ScanResult hits = scan_.scan(frames_, scanned, false);
+    note_hits(hits, trace);
+    contours_.search(frames_, verification_.by_edges(frames_, hits), &trace);
+  }
+
+  PoseAssessment assess(const Rigid3& world_from_object) const {
+    PoseAssessment out;
+    const JointSearch joint(bank_, frames_.search_cameras(), executor_);
+    const PoseFit fit =
+        fitter_.fit(frames_.fit_cameras(), {world_from_object, Vector6::Zero()}, kFinalReach);
+    int cameras = 0;
+    for (size_t i = 0; i < frames_.size(); ++i) {
+      const double spread = joint.camera_score(i, world_from_object, JointSearch::Spread::kFar);
+      if (spread < 0) continue;
+      ++cameras;
+      out.spread_response += spread;
+      out.sharp_response += joint.camera_score(i, world_from_object, JointSearch::Spread::kNear);
+      out.edge_share += fit.cameras[i].share();
+      out.contrast += fit.cameras[i].contrast;
+    }
+    for (double* sum :
+         {&out.spread_response, &out.sharp_response, &out.edge_share, &out.contrast}) {
+      *sum /= std::max(1, cameras);
+    }
+    out.contour = contours_.evaluate(frames_, fit.motion).score;
+    out.evidence = judge_.judge(fit).evidence;
+    return out;
+  }
+
+  Detection judge(const PoseProposals& proposals) {
+    Detection out;
+    if (proposals.poses.empty() || !frames_.select(false)) return out;
+    out.time = proposals.time;
+    frames_.set_reference(out.time);
+    std::vector<JudgedPose> judged;
+    for (const ProposedPose& pose : proposals.poses) {
+      const RigMotion motion{pose.world_from_object, pose.twist};
+      judged.push_back(judge_.judge(fitter_.evaluate(frames_.fit_cameras(), motion), &pose));
+    }
+    add_rotated(judged);
+    judge_.decide(frames_, judged, out);
+    return out;
+  }
+
+  Detection follow(const Detection& earlier) {
+    Detection out;
+    if (earlier.poses.empty() || !frames_.select(false)) return out;
+    frames_.compute_responses(distances_.map_margin);
+    out.time = frames_.newest();
+    const auto cameras = frames_.silhouette_cameras(distances_);
+    std::vector<JudgedPose> judged;
+    std::vector<RigMotion> starts;
+    // By contours other orientations are tried at every step, so that few are worth following.
+    const size_t poses = earlier.by_contour ? kMaxFollowedByContour : earlier.poses.size();
+    const size_t shares = earlier.by_contour ? kContourFollowShares : kFollowShares.size();
+    for (size_t i = 0; i < std::min(poses, earlier.poses.size()); ++i) {
+      const DetectedPose& pose = earlier.poses[i];
+      for (size_t k = 0; k < (pose.twist.isZero() ? 1 : shares); ++k) {
+        const double seconds = kFollowShares[k] * to_seconds(out.time - earlier.time);
+        const Rigid3 start = pose.world_from_object * Rigid3::exp(pose.twist * seconds);
+        for (const Rigid3& moved : verification_.follow(frames_, cameras, start)) {
+          starts.push_back({moved, pose.twist});
+        }
+      }
+    }
+    // Edges cost less; where they do not tell, what was found by contours is followed by those.
+    fit_and_judge(starts, judged);
+    judge_.decide(frames_, judged, out);
+    if (!out.poses.empty()) {
+      out.by_contour = earlier.by_contour;
+    } else if (earlier.by_contour) {
+      judge_.decide_by_contour(frames_, contours_.fit(frames_, starts), kMinFollowedContour, out);
+    }
+    measure_twists(earlier, out);
+    return out;
+  }
+
+  SearchWork work() const {
+    SearchWork sum = bank_.work().sum();
+    sum += fitter_.work().sum();
+    sum += frames_.work();
+    return sum;
+  }
+
+ private:
+  const ViewpointModel& model() const { return bank_.model(); }
+
+  void note_hits(const ScanResult& hits, DetectionTrace& trace) const {
+    const SearchCamera& camera = frames_.search_cameras()[hits.camera];
+    const Rigid3 world_from_camera = camera.camera_from_world.inverse();
+    DetectionTrace::Stage stage{"scan", {}, trace.clock != nullptr ? trace.clock() : 0};
+    for (const ScanHit& hit : hits.hits) {
+      const auto pose =
+          bank_.full_pose(camera.camera->model, template_pose(hit, hits.range), camera.shrink);
+      if (pose)
+        stage.candidates.push_back({world_from_camera * *pose, static_cast<double>(hit.score)});
+    }
+    trace.stages.push_back(std::move(stage));
+  }
+
+  // Over two detections the motion is known better than between the exposures of one of them.
+  static void measure_twists(const Detection& earlier, Detection& now) {
+    const double seconds = to_seconds(now.time - earlier.time);
+    if (seconds < kMinTwistSeconds) return;
+    for (DetectedPose& pose : now.poses) {
+      const auto before =
+          std::min_element(earlier.poses.begin(), earlier.poses.end(),
+                           [&](const DetectedPose& a, const DetectedPose& b) {
+                             return rotation_angle(a.world_from_object, pose.world_from_object) <
+                                    rotation_angle(b.world_from_object, pose.world_from_object);
+                           });
+      pose.twist = difference(before->world_from_object, pose.world_from_object) / seconds;
+    }
+  }
+
+  void fit_and_judge(std::span<const RigMotion> starts, std::vector<JudgedPose>& judged) const {
+    for (PoseFit& fit : fitter_.fit(frames_.fit_cameras(), starts, kSearchReach)) {
+      judged.push_back(judge_.judge(std::move(fit)));
+    }
+  }
+
+  double center_distance(const Rigid3& a, const Rigid3& b) const {
+    return (a * model().center() - b * model().center()).norm();
+  }
+
+  void forget_told() {
+    told_.clear();
+    hint_.reset();
+  }
+
+  // Whether it was found where somebody said it is. A place in an image says too little for that.
+  bool as_told(const Detection& found) const {
+    const auto* told = hint_ ? std::get_if<Rigid3>(&*hint_) : nullptr;
+    if (told == nullptr) return false;
+    const Rigid3& pose = found.poses.front().world_from_object;
+    return center_distance(*told, pose) < kOtherPlace * model().radius() &&
+           rotation_angle(*told, pose) < kSameFittedAngle;
+  }
+
+  // Of what a scan about the place in an image that somebody told of has found.
+  std::vector<JointPose> verified_about(const ImageHint& hint) const {
+    for (size_t i = 0; i < frames_.size(); ++i) {
+      if (frames_.cameras()[frames_.camera_index(i)].id != hint.camera) continue;
+      return verification_.by_edges(frames_,
+                                    scan_.scan_about(frames_, i, hint.pixel, hint.radius_px));
+    }
+    return {};
+  }
+
+  // By contours, what somebody told of among it. Best first.
+  std::vector<ContourPose> search_contours(const ScanResult& hits) const {
+    std::vector<JointPose> verified = verification_.by_edges(frames_, hits);
+    if (const auto* place = hint_ ? std::get_if<ImageHint>(&*hint_) : nullptr) {
+      const std::vector<JointPose> about = verified_about(*place);
+      verified.insert(verified.begin(), about.begin(), about.end());
+    }
+    std::vector<ContourPose> poses = contours_.search(frames_, verified, nullptr);
+    for (ContourPose& pose : contours_.fit(frames_, told_)) poses.push_back(std::move(pose));
+    std::stable_sort(poses.begin(), poses.end(),
+                     [](const ContourPose& a, const ContourPose& b) { return a.score > b.score; });
+    return poses;
+  }
+
+  // What stands out by little is believed when two searches have found it, or one where somebody
+  // said it is.
+  Detection found_by_contour(const std::vector<ContourPose>& contours, Time time) {
+    Detection found;
+    found.time = time;
+    judge_.decide_by_contour(frames_, contours, kMinContourScore, found);
+    if (found.poses.empty()) return found;
+    const bool clear = found.poses.front().evidence - found.runner_up >= kClearContourMargin;
+    const bool confirmed =
+        clear || as_told(found) || (weakly_found_ && consistent(*weakly_found_, found));
+    weakly_found_.reset();
+    if (!clear) weakly_found_ = found;
+    if (confirmed) return found;
+    Detection none;
+    none.time = time;
+    none.runner_up = found.poses.front().evidence;
+    return none;
+  }
+
+  bool same_place(const Detection& a, const Detection& b) const {
+    if (a.poses.empty() || b.poses.empty()) return false;
+    const Rigid3 &one = a.poses.front().world_from_object, &two = b.poses.front().world_from_object;
+    return center_distance(one, two) < kOtherPlace * model().radius() / 2 &&
+           rotation_angle(one, two) < kSameFittedAngle;
+  }
+
+  // The object may have moved from one to the other.
+  bool consistent(const Detection& earlier, const Detection& now) const {
+    const double seconds = std::abs(to_seconds(now.time - earlier.time));
+    if (seconds > kMaxSecondsBetweenWeak) return false;
+    const Rigid3& pose = now.poses.front().world_from_object;
+    return std::any_of(earlier.poses.begin(), earlier.poses.end(), [&](const DetectedPose& other) {
+      const Rigid3& before = other.world_from_object;
+      return center_distance(before, pose) <
+                 kOtherPlace * model().radius() / 2 + kWeakSpeed * seconds &&
+             rotation_angle(before, pose) < kSameFittedAngle + kWeakTurnRate * seconds;
+    });
+  }
+
+  // Rivals of the best pose. What is symmetric then has them, although the search may have come
+  // upon one of its poses only.
+  void add_rotated(std::vector<JudgedPose>& judged) const {
+    const auto best = std::max_element(
+        judged.begin(), judged.end(),
+        [](const JudgedPose& a, const JudgedPose& b) { return a.evidence < b.evidence; });
+    if (best == judged.end() || !judge_.acceptable(*best, frames_.size())) return;
+    for (PoseFit& fit : fitter_.fit_rotated(frames_.fit_cameras(), best->fit.motion)) {
+      judged.push_back(judge_.judge(std::move(fit)));
+    }
+  }
+
+  const DetectorOptions options_;
+  const Executor executor_;
+  const TemplateBank bank_;
+  const SilhouetteSearch silhouettes_;
+  const SearchDistances distances_;
+  DetectorFrames frames_;
+  PoseScan scan_;
+  const PoseVerification verification_;
+  const PoseFitter fitter_;
+  const ContourSearch contours_;
+  const DetectionJudge judge_;
+  std::optional<SearchHint> hint_;         ///< for the next detect()
+  std::vector<RigMotion> told_;            ///< what came nearest to such a pose, in these frames
+  bool everywhere_next_ = false;           ///< a search of the foreground has found nothing
+  std::optional<Detection> weakly_found_;  ///< by contours in the newest search, not yet believed
+};
+
+Result<std::unique_ptr<ObjectDetector>> ObjectDetector::create(
+    ObjectId object, std::shared_ptr<const ViewpointModel> views,
+    std::vector<DetectorCamera> cameras, const DetectorOptions& options, Executor executor) {
+  SL_RETURN_IF_ERROR(check(options, cameras.size()));
+  return std::unique_ptr<ObjectDetector>(new ObjectDetector(
+      std::make_unique<Impl>(object, std::move(views), std::move(cameras), options, executor)));
+}
+
+ObjectDetector::ObjectDetector(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+ObjectDetector::~ObjectDetector() = default;
+
+void ObjectDetector::add_frame(CameraId camera, const Frame& frame,
+                               const ForegroundMap* foreground) {
+  impl_->add_frame(camera, frame, foreground);
+}
+Detection ObjectDetector::detect_at(const SearchHint& hint) { return impl_->detect_at(hint); }
+Detection ObjectDetector::detect() { return impl_->detect(); }
+void ObjectDetector::explain(DetectionTrace& trace) { impl_->explain(trace); }
+PoseAssessment ObjectDetector::assess(const Rigid3& world_from_object) const {
+  return impl_->assess(world_from_object);
+}
+Detection ObjectDetector::judge(const PoseProposals& proposals) { return impl_->judge(proposals); }
+Detection ObjectDetector::follow(const Detection& earlier) { return impl_->follow(earlier); }
+SearchWork ObjectDetector::work() const { return impl_->work(); }
+
+}  // namespace sightline

@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "observe/detect/pixels/edge_maps.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <numbers>
+
+#include "observe/detect/detect_constants.hpp"
+
+namespace sightline::observe {
+namespace {
+
+size_t pixel_index(int x, int y, int width) {
+  return static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x);
+}
+
+// Response of each direction to each set of directions.
+using ResponseTable = std::array<std::array<uint8_t, 256>, kEdgeBins>;
+
+ResponseTable make_response_table() {
+  ResponseTable table{};
+  for (unsigned bin = 0; bin < kEdgeBins; ++bin) {
+    for (unsigned set = 0; set < 256; ++set) {
+      const bool exact = (set >> bin & 1) != 0;
+      const bool near = (set >> ((bin + 1) % kEdgeBins) & 1) != 0 ||
+                        (set >> ((bin + kEdgeBins - 1) % kEdgeBins) & 1) != 0;
+      const int best = exact ? ResponseMaps::kFullResponse : near ? kNeighborBinResponse : 0;
+      const int others = std::max(0, std::popcount(set) - 2);
+      table[bin][set] =
+          static_cast<uint8_t>(std::max(0, best - static_cast<int>(kResponseClutter * others)));
+    }
+  }
+  return table;
+}
+
+}  // namespace
+
+int edge_bin(float x, float y) {
+  const float turns = std::atan2(y, x) / std::numbers::pi_v<float> * kEdgeBins;
+  return (static_cast<int>(std::lround(turns)) + 2 * kEdgeBins) % kEdgeBins;
+}
+
+void EdgeImage::compute(const HalfSizeImage& image) {
+  width_ = image.width;
+  height_ = image.height;
+  const size_t size = static_cast<size_t>(width_) * static_cast<size_t>(height_);
+  gradient_x_.assign(size, 0);
+  gradient_y_.assign(size, 0);
+  magnitude_.assign(size, 0);
+  bins_.assign(size, 0);
+  find_gradients(image);
+  choose_threshold();
+  thin();
+}
+
+void EdgeImage::keep_where(const std::vector<uint8_t>& near) {
+  for (size_t i = 0; i < bins_.size(); ++i) {
+    bins_[i] = near[i] != 0 ? bins_[i] : uint8_t{0};
+    magnitude_[i] = near[i] != 0 ? magnitude_[i] : 0.0f;
+  }
+}
+
+// Sobel, divided so that a ramp of one level per pixel has gradient one.
+void EdgeImage::find_gradients(const HalfSizeImage& image) {
+  for (size_t plane = 0; plane < 3; ++plane) {
+    const float weight = plane == 0 ? 0.125f : 0.125f * kColorWeight;
+    for (int y = 1; y + 1 < height_; ++y) {
+      const uint8_t* above = image.row(plane, y - 1);
+      const uint8_t* here = image.row(plane, y);
+      const uint8_t* below = image.row(plane, y + 1);
+      float* gx = gradient_x_.data() + pixel_index(0, y, width_);
+      float* gy = gradient_y_.data() + pixel_index(0, y, width_);
+      float* strength = magnitude_.data() + pixel_index(0, y, width_);
+      for (int x = 1; x + 1 < width_; ++x) {
+        const int dx = above[x + 1] - above[x - 1] + 2 * (here[x + 1] - here[x - 1]) +
+                       below[x + 1] - below[x - 1];
+        const int dy =
+            below[x - 1] - above[x - 1] + 2 * (below[x] - above[x]) + below[x + 1] - above[x + 1];
+        const float u = weight * static_cast<float>(dx), v = weight * static_cast<float>(dy);
+        const float squared = u * u + v * v;
+        const bool stronger = squared > strength[x];
+        gx[x] = stronger ? u : gx[x];
+        gy[x] = stronger ? v : gy[x];
+        strength[x] = stronger ? squared : strength[x];
+      }
+    }
+  }
+  for (float& value : magnitude_) value = std::sqrt(value);
+}
+
+void EdgeImage::choose_threshold() {
+  sorted_.clear();
+  for (size_t i = 0; i < magnitude_.size(); i += 7) sorted_.push_back(magnitude_[i]);
+  const auto middle = sorted_.begin() + static_cast<ptrdiff_t>(sorted_.size() / 2);
+  std::nth_element(sorted_.begin(), middle, sorted_.end());
+  threshold_ = sorted_.empty() ? kMinGradient : std::max(kMinGradient, kEdgeOverMedian * *middle);
+}
+
+// Keeps what is a ridge across its own direction.
+void EdgeImage::thin() {
+  for (int y = 1; y + 1 < height_; ++y) {
+    for (int x = 1; x + 1 < width_; ++x) {
+      const size_t i = pixel_index(x, y, width_);
+      const float strength = magnitude_[i];
+      if (strength < threshold_) continue;
+      const float gx = gradient_x_[i], gy = gradient_y_[i];
+      const float ax = std::abs(gx), ay = std::abs(gy);
+      const int step_x = ax * 2.414f > ay ? (gx > 0 ? 1 : -1) : 0;
+      const int step_y = ay * 2.414f > ax ? (gy > 0 ? 1 : -1) : 0;
+      if (strength < magnitude_[pixel_index(x + step_x, y + step_y, width_)] ||
+          strength < magnitude_[pixel_index(x - step_x, y - step_y, width_)])
+        continue;
+      bins_[i] = static_cast<uint8_t>(1 << edge_bin(gx, gy));
+    }
+  }
+}
+
+void ResponseMaps::compute(const EdgeImage& edges, int spread, int margin) {
+  static const ResponseTable kTable = make_response_table();
+  const int full_width = edges.width(), full_height = edges.height();
+  width_ = full_width / 2;
+  height_ = full_height / 2;
+  margin_ = margin;
+  // Whole vectors of the scanning kernel may be read past the end of a row.
+  stride_ = (width_ + 2 * margin + 63) / 32 * 32;
+  row_spread_.assign(edges.bins().size(), 0);
+  spread_.assign(edges.bins().size(), 0);
+  for (int y = 0; y < full_height; ++y) {
+    const uint8_t* from = edges.bins().data() + pixel_index(0, y, full_width);
+    uint8_t* to = row_spread_.data() + pixel_index(0, y, full_width);
+    for (int k = -spread; k <= spread; ++k) {
+      const int begin = std::max(0, -k), end = std::min(full_width, full_width - k);
+      for (int x = begin; x < end; ++x) to[x] = static_cast<uint8_t>(to[x] | from[x + k]);
+    }
+  }
+  for (int y = 0; y < full_height; ++y) {
+    uint8_t* to = spread_.data() + pixel_index(0, y, full_width);
+    for (int k = std::max(0, y - spread); k <= std::min(full_height - 1, y + spread); ++k) {
+      const uint8_t* from = row_spread_.data() + pixel_index(0, k, full_width);
+      for (int x = 0; x < full_width; ++x) to[x] = static_cast<uint8_t>(to[x] | from[x]);
+    }
+  }
+  for (int bin = 0; bin < kEdgeBins; ++bin) {
+    auto& map = maps_[static_cast<size_t>(bin)];
+    map.assign(static_cast<size_t>(stride_) * static_cast<size_t>(height_ + 2 * margin) + 64, 0);
+    const auto& table = kTable[static_cast<size_t>(bin)];
+    for (int y = 0; y < height_; ++y) {
+      const uint8_t* from = spread_.data() + pixel_index(0, 2 * y, full_width);
+      uint8_t* to = map.data() + (margin + y) * stride_ + margin;
+      for (int x = 0; x < width_; ++x) to[x] = table[from[2 * x]];
+    }
+  }
+}
+
+}  // namespace sightline::observe

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "observe/detect/pixels/half_size_frame.hpp"
+
+namespace sightline::observe {
+
+/// Directions of edges are told apart in steps of 22.5 degrees, whichever side is the lighter one.
+constexpr int kEdgeBins = 8;
+/// Bin of the normal (x, y) of an edge.
+int edge_bin(float x, float y);
+/// The same of its angle, within a few turns [rad].
+inline int angle_bin(float angle) {
+  const float steps = angle * (static_cast<float>(kEdgeBins) / 3.14159265f);
+  return static_cast<int>(steps + 64.5f) & (kEdgeBins - 1);
+}
+
+/// Edges of a half-size image, thinned to ridges: where, which way they face, how strong.
+/// Gradients of luma and of both colors compete.
+class EdgeImage {
+ public:
+  void compute(const HalfSizeImage& image);
+  /// Forgets the edges of all pixels where `near` is 0.
+  void keep_where(const std::vector<uint8_t>& near);
+
+  int width() const { return width_; }
+  int height() const { return height_; }
+  /// 0: no edge here; else 1 << bin.
+  const std::vector<uint8_t>& bins() const { return bins_; }
+  /// Unthinned gradient of the strongest channel, [levels / px]; 0 within a pixel of the border.
+  const std::vector<float>& gradient_x() const { return gradient_x_; }
+  const std::vector<float>& gradient_y() const { return gradient_y_; }
+  const std::vector<float>& magnitude() const { return magnitude_; }
+  float threshold() const { return threshold_; }
+
+ private:
+  void find_gradients(const HalfSizeImage& image);
+  void choose_threshold();
+  void thin();
+
+  int width_ = 0, height_ = 0;
+  float threshold_ = 0;
+  std::vector<float> gradient_x_, gradient_y_, magnitude_, sorted_;
+  std::vector<uint8_t> bins_;
+};
+
+/// How well an edge of each direction is supported near a point, as bytes 0..kFullResponse: edges
+/// are spread over a square (Hinterstoisser et al., LINE-2D, PAMI 2012), and where edges of all
+/// directions abound one more says little. One sample for every 2 x 2 pixels of the half-size
+/// image; a margin of zeros around, so that templates may reach over the border.
+class ResponseMaps {
+ public:
+  static constexpr int kFullResponse = 8;
+
+  /// `spread`: half side of the square [half-size px]; `margin`: [quarter-size px].
+  void compute(const EdgeImage& edges, int spread, int margin);
+
+  int width() const { return width_; }  ///< without margins
+  int height() const { return height_; }
+  int margin() const { return margin_; }
+  ptrdiff_t stride() const { return stride_; }
+  /// Pixel (0, 0) of a direction's map; the margin lies before it.
+  const uint8_t* origin(int bin) const {
+    return maps_[static_cast<size_t>(bin)].data() + margin_ * stride_ + margin_;
+  }
+  /// 0 outside.
+  int at(int bin, int x, int y) const {
+    if (x < 0 || y < 0 || x >= width_ || y >= height_) return 0;
+    return origin(bin)[y * stride_ + x];
+  }
+
+ private:
+  int width_ = 0, height_ = 0, margin_ = 0;
+  ptrdiff_t stride_ = 0;
+  std::vector<uint8_t> spread_, row_spread_;
+  std::array<std::vector<uint8_t>, kEdgeBins> maps_;
+};
+
+}  // namespace sightline::observe

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "sightline/geometry/camera_model.hpp"
+#include "sightline/image/planes.hpp"
+#include "sightline/model/frame.hpp"
+
+namespace sightline::observe {
+
+/// Luma and both color differences at one size.
+struct HalfSizeImage {
+  int width = 0, height = 0;
+  std::array<std::vector<uint8_t>, 3> planes;  ///< Y, U, V; tightly packed
+
+  const uint8_t* row(size_t plane, int y) const {
+    return planes[plane].data() + static_cast<size_t>(y) * static_cast<size_t>(width);
+  }
+  PlaneView view(size_t plane) const { return {planes[plane].data(), width, height, width}; }
+};
+
+/// A camera's newest frame at half size: a copy, so that the frame's buffer can go back.
+struct HalfSizeFrame {
+  FrameInfo info;
+  HalfSizeImage image;
+  bool valid = false;
+
+  /// False, and nothing changes, if the frame is damaged or not of the camera's size.
+  bool store(const Frame& frame, const CameraModel& camera);
+};
+
+}  // namespace sightline::observe

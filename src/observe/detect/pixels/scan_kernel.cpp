@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "observe/detect/pixels/scan_kernel_body.hpp"
+#include "sightline/base/cpu.hpp"
+
+namespace sightline::observe {
+
+bool sum_features_scalar(std::span<const uint8_t* const> features, int columns, uint8_t threshold,
+                         uint8_t* sums) {
+  return sum_all(features, columns, threshold, sums);
+}
+
+bool sum_features(std::span<const uint8_t* const> features, int columns, uint8_t threshold,
+                  uint8_t* sums) {
+#ifdef SIGHTLINE_X86_64
+  static const auto kBest = cpu_has_avx2() ? sum_features_avx2 : sum_features_scalar;
+  return kBest(features, columns, threshold, sums);
+#else
+  return sum_features_scalar(features, columns, threshold, sums);
+#endif
+}
+
+}  // namespace sightline::observe

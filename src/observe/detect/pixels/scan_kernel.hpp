@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+namespace sightline::observe {
+
+/// Sums the responses of a template's features for `columns` places side by side:
+///     sums[x] = sum over features of feature[x]
+/// and says whether any sum is at least `threshold`. At most 31 features of at most 8 each, so a
+/// byte holds the sum. Reads and writes up to a multiple of 32 columns.
+bool sum_features(std::span<const uint8_t* const> features, int columns, uint8_t threshold,
+                  uint8_t* sums);
+
+bool sum_features_scalar(std::span<const uint8_t* const> features, int columns, uint8_t threshold,
+                         uint8_t* sums);
+bool sum_features_avx2(std::span<const uint8_t* const> features, int columns, uint8_t threshold,
+                       uint8_t* sums);
+
+}  // namespace sightline::observe

@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "observe/detect/pose_fit.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "observe/detect/detect_constants.hpp"
+#include "observe/detect/pixels/outline_contrast.hpp"
+#include "observe/detect/pixels/sample_edges.hpp"
+#include "observe/detect/principal_rotations.hpp"
+#include "observe/terms/robust_loss.hpp"
+
+namespace sightline::observe {
+
+PoseFitter::PoseFitter(const ViewpointModel& model, Executor executor)
+    : model_(model), executor_(std::move(executor)), rotations_(principal_rotations(model)) {}
+
+/// Where the object is before one camera, and how its lines are looked for.
+struct PoseFitter::Placement {
+  const FitCamera& camera;
+  Rigid3 camera_from_object;
+  Eigen::Matrix3d rotation;
+  double reach, sigma;  ///< [half-size px]
+};
+
+void PoseFitter::add_line(const Placement& at, const Eigen::Vector3d& point,
+                          const Eigen::Vector3d& normal, bool outline, CameraFit& out) const {
+  const FitCamera& camera = at.camera;
+  const auto sample = project_sample(camera.camera->model, at.camera_from_object, point, normal,
+                                     0.01 * model_.radius());
+  if (!sample || sample->pixel.x() < 1 || sample->pixel.y() < 1 ||
+      sample->pixel.x() > camera.edges->width() - 2 ||
+      sample->pixel.y() > camera.edges->height() - 2)
+    return;
+  ++out.lines;
+  auto distance = best_edge(*camera.edges, *sample, at.reach);
+  bool is_edge = distance.has_value();
+  if (!distance && outline && camera.foreground != nullptr) {
+    distance = foreground_border(*camera.foreground, *sample, at.reach);
+    // The place that something left is foreground too, but nothing in the image ends there.
+    is_edge = distance &&
+              weak_edge(*camera.edges, sample->pixel + *distance * sample->normal, sample->normal);
+  }
+  if (!distance) return;
+  if (is_edge && std::abs(*distance) <= kAgreementPx) ++out.agreeing;
+  Eigen::Matrix<double, 3, 6> by_tangent;
+  by_tangent << -at.rotation * skew(point), at.rotation;
+  const Vector6 slope =
+      -(sample->normal.transpose() * sample->jacobian * by_tangent).transpose() / at.sigma;
+  const HuberLoss loss(kFitHuber);
+  const double residual = *distance / at.sigma;
+  const double weight = loss.weight(std::abs(residual));
+  out.term.information += weight * slope * slope.transpose();
+  out.term.gradient += weight * slope * residual;
+  out.term.cost += loss.cost(std::abs(residual));
+  ++out.term.residuals;
+}
+
+CameraFit PoseFitter::fit_lines(const FitCamera& camera, const Rigid3& world_from_object,
+                                double reach, double sigma, size_t sample_step) const {
+  const Rigid3 camera_from_object = camera.camera_from_world * world_from_object;
+  const Placement at{camera, camera_from_object, camera_from_object.rotation_matrix(), reach,
+                     sigma};
+  const View view = model_.view(model_.nearest(camera_from_object));
+  CameraFit out;
+  for (size_t i = 0; i < view.contour.size(); i += sample_step) {
+    add_line(at, view.contour[i].point.cast<double>(), view.contour[i].normal.cast<double>(), true,
+             out);
+  }
+  for (size_t i = 0; i < view.edges.size(); i += sample_step) {
+    // Across the tangent, in the image plane.
+    const Eigen::Vector3d along = at.rotation * view.edges[i].tangent.cast<double>();
+    const Eigen::Vector3d across(-along.y(), along.x(), 0);
+    if (across.norm() < 0.2) continue;
+    add_line(at, view.edges[i].point.cast<double>(), at.rotation.transpose() * across.normalized(),
+             false, out);
+  }
+  out.term.quality = out.share();
+  return out;
+}
+
+double PoseFitter::contrast(const FitCamera& camera, const Rigid3& world_from_object) const {
+  const Rigid3 camera_from_object = camera.camera_from_world * world_from_object;
+  return outline_contrast(model_.view(model_.nearest(camera_from_object)), camera.camera->model,
+                          camera_from_object, model_.radius(), *camera.image, camera.foreground);
+}
+
+PoseFit PoseFitter::fit(std::span<const FitCamera> cameras, const RigMotion& start, double reach,
+                        const FitEffort& effort) const {
+  if (effort.sample_step == kSampleStep) {
+    work_.fits += cameras.size();
+  } else {  // each step with few lines costs what a look along the outline does
+    work_.looked_at += cameras.size() * static_cast<size_t>(effort.iterations);
+  }
+  PoseFit out{start, std::vector<CameraFit>(cameras.size())};
+  RigMotion& motion = out.motion;
+  for (int iteration = 0; iteration < effort.iterations; ++iteration) {
+    const double reach_now = std::max(kFinalReach, reach * std::pow(0.8, iteration));
+    MotionSystem system(motion.twist);
+    system.information.diagonal().head<6>().setConstant(kPosePrior);
+    for (size_t i = 0; i < cameras.size(); ++i) {
+      const double seconds = cameras[i].seconds;
+      out.cameras[i] = fit_lines(cameras[i], motion.at(seconds), reach_now,
+                                 std::max(1.0, reach_now / 3), effort.sample_step);
+      system.add(out.cameras[i].term, motion_jacobian_first_order(motion.twist, seconds));
+    }
+    if (iteration + 1 == effort.iterations) break;
+    Vector12 step = -system.information.ldlt().solve(system.gradient);
+    const double turn = step.head<3>().norm(), shift = step.segment<3>(3).norm();
+    const double limit =
+        std::min({1.0, 0.3 / std::max(turn, 1e-9), 0.5 * model_.radius() / std::max(shift, 1e-9)});
+    step *= limit;
+    motion.world_from_object = motion.world_from_object * Rigid3::exp(step.head<6>());
+    motion.twist += step.tail<6>();
+  }
+  return effort.contrast ? with_contrast(cameras, std::move(out)) : out;
+}
+
+PoseFit PoseFitter::with_contrast(std::span<const FitCamera> cameras, PoseFit fit) const {
+  for (size_t i = 0; i < cameras.size(); ++i) {
+    fit.cameras[i].contrast = contrast(cameras[i], fit.motion.at(cameras[i].seconds));
+  }
+  return fit;
+}
+
+std::vector<RigMotion> PoseFitter::rotated(const RigMotion& motion) const {
+  const Eigen::Vector3d& center = model_.center();
+  std::vector<RigMotion> out;
+  for (const Eigen::Quaterniond& rotation : rotations_) {
+    const Rigid3 turn(rotation, center - rotation * center);
+    out.push_back({motion.world_from_object * turn, turn.inverse().adjoint() * motion.twist});
+  }
+  return out;
+}
+
+std::vector<PoseFit> PoseFitter::fit_rotated(std::span<const FitCamera> cameras,
+                                             const RigMotion& fitted) const {
+  return fit(cameras, rotated(fitted), kRotatedReach);
+}
+
+std::vector<PoseFit> PoseFitter::fit(std::span<const FitCamera> cameras,
+                                     std::span<const RigMotion> starts, double reach) const {
+  std::vector<PoseFit> out(starts.size());
+  executor_(starts.size(), [&](size_t i) { out[i] = fit(cameras, starts[i], reach); });
+  return out;
+}
+
+PoseFit PoseFitter::lines(std::span<const FitCamera> cameras, const RigMotion& motion,
+                          size_t sample_step) const {
+  PoseFit out{motion, {}};
+  work_.looked_at += cameras.size();
+  for (const FitCamera& camera : cameras) {
+    out.cameras.push_back(
+        fit_lines(camera, motion.at(camera.seconds), kFinalReach, 1.0, sample_step));
+  }
+  return out;
+}
+
+PoseFit PoseFitter::evaluate(std::span<const FitCamera> cameras, const RigMotion& motion) const {
+  PoseFit out{motion, {}};
+  work_.looked_at += cameras.size();
+  for (const FitCamera& camera : cameras) {
+    const Rigid3 here = motion.at(camera.seconds);
+    out.cameras.push_back(fit_lines(camera, here, kFinalReach, 1.0));
+    out.cameras.back().contrast = contrast(camera, here);
+  }
+  return out;
+}
+
+}  // namespace sightline::observe

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Geometry>
+#include <span>
+#include <vector>
+
+#include "observe/detect/detect_constants.hpp"
+#include "observe/detect/pixels/edge_maps.hpp"
+#include "observe/detect/pixels/half_size_frame.hpp"
+#include "observe/terms/rig_motion.hpp"
+#include "sightline/base/executor.hpp"
+#include "sightline/geometry/camera_model.hpp"
+#include "sightline/model/pose_term.hpp"
+#include "sightline/observe/detect/search_work.hpp"
+#include "sightline/observe/shape/viewpoint_model.hpp"
+#include "sightline/observe/terms/foreground_map.hpp"
+
+namespace sightline::observe {
+
+/// One camera's image at half size, and when it was taken.
+struct FitCamera {
+  const CalibratedCamera* camera = nullptr;
+  Rigid3 camera_from_world;
+  const HalfSizeImage* image = nullptr;
+  const EdgeImage* edges = nullptr;
+  double seconds = 0;                         ///< capture after the reference time
+  const ForegroundMap* foreground = nullptr;  ///< of the image's size; null: not known
+};
+
+/// What one camera says of a fitted pose.
+struct CameraFit {
+  int lines = 0;        ///< samples that project into the image
+  int agreeing = 0;     ///< that have an edge of their direction close by
+  double contrast = 0;  ///< see outline_contrast()
+  LinearizedTerm term;  ///< at this camera's own time; `cost` and `information` of the lines
+  double share() const { return lines > 0 ? static_cast<double>(agreeing) / lines : 0; }
+};
+
+struct PoseFit {
+  RigMotion motion;
+  std::vector<CameraFit> cameras;
+};
+
+/// How much is put into a fit.
+struct FitEffort {
+  int iterations = 8;
+  size_t sample_step = kSampleStep;  ///< every n-th line
+  bool contrast = true;              ///< CameraFit::contrast is asked for
+};
+
+/// Third stage of a detection: moves a pose and its twist onto the edges of all images. For every
+/// sample of the outline and of the creases the best edge along its normal, Gauss-Newton on the
+/// distances (Drummond and Cipolla, PAMI 2002), each camera at its own time. Where the outline
+/// finds no edge, the border of the foreground is one.
+class PoseFitter {
+ public:
+  explicit PoseFitter(const ViewpointModel& model, Executor executor = run_serially);
+
+  /// `reach` [half-size px]: how far the first step looks for edges.
+  PoseFit fit(std::span<const FitCamera> cameras, const RigMotion& start, double reach,
+              const FitEffort& effort = {}) const;
+  /// The same for each of these.
+  std::vector<PoseFit> fit(std::span<const FitCamera> cameras, std::span<const RigMotion> starts,
+                           double reach) const;
+  /// A motion about the object's center in all rotations that may leave its shape as it is.
+  std::vector<RigMotion> rotated(const RigMotion& motion) const;
+  /// These, fitted anew: rivals of a symmetric object.
+  std::vector<PoseFit> fit_rotated(std::span<const FitCamera> cameras,
+                                   const RigMotion& fitted) const;
+  /// The same with CameraFit::contrast, which was not asked for.
+  PoseFit with_contrast(std::span<const FitCamera> cameras, PoseFit fit) const;
+  /// What every n-th line says of a motion as it is; contrast is not asked for.
+  PoseFit lines(std::span<const FitCamera> cameras, const RigMotion& motion,
+                size_t sample_step) const;
+  /// What the images say of a motion as it is.
+  PoseFit evaluate(std::span<const FitCamera> cameras, const RigMotion& motion) const;
+  /// Fits, and poses looked at, so far. One thread at a time.
+  const WorkMeter& work() const { return work_; }
+
+ private:
+  CameraFit fit_lines(const FitCamera& camera, const Rigid3& world_from_object, double reach,
+                      double sigma, size_t sample_step = kSampleStep) const;
+  struct Placement;
+  void add_line(const Placement& at, const Eigen::Vector3d& point, const Eigen::Vector3d& normal,
+                bool outline, CameraFit& out) const;
+  double contrast(const FitCamera& camera, const Rigid3& world_from_object) const;
+
+  const ViewpointModel& model_;
+  const Executor executor_;
+  const std::vector<Eigen::Quaterniond> rotations_;  ///< principal_rotations()
+  mutable WorkMeter work_;
+};
+
+}  // namespace sightline::observe

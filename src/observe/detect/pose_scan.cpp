@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "observe/detect/pose_scan.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+
+#include "observe/detect/detect_constants.hpp"
+
+namespace sightline::observe {
+
+size_t PoseScan::next_camera(const DetectorFrames& frames, bool focused) {
+  for (size_t i = 0; focused && i < frames.size(); ++i) {
+    const ForegroundMap* foreground = frames.foreground(next_ % frames.size());
+    if (foreground == nullptr || foreground->share > 0) break;
+    ++next_;
+  }
+  return next_++ % frames.size();
+}
+
+ScanResult PoseScan::scan(const DetectorFrames& frames, size_t camera, bool focused) const {
+  ScanResult out;
+  out.camera = camera;
+  out.range.max = focused ? max_hits_ / kFocusedHitsDivisor : max_hits_;
+  if (!frames.mask(camera).empty()) {
+    const EdgeImage& edges = frames.edges(camera);
+    const float scale = distances_.cameras[frames.camera_index(camera)].scales.front();
+    const auto reach = static_cast<int>(0.5 * bank_.model().radius() * static_cast<double>(scale));
+    out.range.rows = columns_near(frames.mask(camera), edges.width(), edges.height(), reach);
+  }
+  scan_range(frames, out);
+  return out;
+}
+
+ScanResult PoseScan::scan_about(const DetectorFrames& frames, size_t camera,
+                                const Eigen::Vector2d& pixel, double radius_px) const {
+  ScanResult out;
+  out.camera = camera;
+  out.range.max = max_hits_ / kFocusedHitsDivisor;
+  const SearchCamera& search = frames.search_cameras()[camera];
+  const EdgeImage& edges = frames.edges(camera);
+  out.range.rows = columns_about((pixel.array() + 0.5).matrix() / search.shrink,
+                                 radius_px / search.shrink, edges.width() / 2, edges.height() / 2);
+  scan_range(frames, out);
+  return out;
+}
+
+void PoseScan::scan_range(const DetectorFrames& frames, ScanResult& out) const {
+  const std::vector<float>& scales = distances_.cameras[frames.camera_index(out.camera)].scales;
+  const double radius = bank_.model().radius();
+  // Each distance gets as many hits as any other, and maps spread for its scale.
+  const SearchCamera& search = frames.search_cameras()[out.camera];
+  std::vector<std::vector<ScanHit>> hits(scales.size());
+  executor_(scales.size(), [&](size_t i) {
+    ScanRange one = out.range;
+    one.max /= scales.size();
+    one.scales = {scales[i]};
+    hits[i] = observe::scan(bank_, search.far(static_cast<double>(scales[i]), radius), one);
+    for (ScanHit& hit : hits[i]) hit.scale = static_cast<uint16_t>(i);
+  });
+  for (const auto& some : hits) out.hits.insert(out.hits.end(), some.begin(), some.end());
+  out.range.scales = scales;
+}
+
+std::vector<std::array<int, 2>> columns_about(const Eigen::Vector2d& place, double radius,
+                                              int width, int height) {
+  // Half a row more than the rows that are scanned are apart, so that there is one.
+  const double reach = std::max(radius, kScanRowStep + 0.5);
+  std::vector<std::array<int, 2>> rows(static_cast<size_t>(height), {0, 0});
+  for (int y = 0; y < height; ++y) {
+    const double away = y + 0.5 - place.y();
+    if (std::abs(away) > reach) continue;
+    const double half = std::sqrt(reach * reach - away * away);
+    rows[static_cast<size_t>(y)] = {
+        std::clamp(static_cast<int>(std::floor(place.x() - half)), 0, width),
+        std::clamp(static_cast<int>(std::ceil(place.x() + half)), 0, width)};
+  }
+  return rows;
+}
+
+std::vector<std::array<int, 2>> columns_near(const std::vector<uint8_t>& mask, int width,
+                                             int height, int reach) {
+  std::vector<std::array<int, 2>> rows(static_cast<size_t>(height / 2), {width / 2, 0});
+  for (int y = 0; y + 1 < height; ++y) {
+    const auto row = mask.begin() + static_cast<ptrdiff_t>(y) * width;
+    const auto first = std::find(row, row + width, 1);
+    if (first == row + width) continue;
+    const auto last =
+        std::find(std::make_reverse_iterator(row + width), std::make_reverse_iterator(row), 1);
+    const int left = static_cast<int>(first - row) / 2 - reach;
+    const int right = static_cast<int>(last.base() - row) / 2 + reach + 1;
+    for (int v = std::max(0, y / 2 - reach); v <= std::min(height / 2 - 1, y / 2 + reach); ++v) {
+      auto& to = rows[static_cast<size_t>(v)];
+      to = {std::max(0, std::min(to[0], left)), std::min(width / 2, std::max(to[1], right))};
+    }
+  }
+  return rows;
+}
+
+}  // namespace sightline::observe

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "observe/detect/detector_frames.hpp"
+#include "observe/detect/search_distances.hpp"
+#include "observe/detect/template_bank.hpp"
+
+namespace sightline::observe {
+
+/// Templates that fit in one camera.
+struct ScanResult {
+  size_t camera = 0;  ///< of those that take part
+  ScanRange range;    ///< what was tried
+  std::vector<ScanHit> hits;
+};
+
+/// First stage of a detection: every view, rotation, distance and position of the object in one
+/// camera, by directions of edges.
+class PoseScan {
+ public:
+  PoseScan(const TemplateBank& bank, const SearchDistances& distances, size_t max_hits,
+           Executor executor = run_serially)
+      : bank_(bank), distances_(distances), max_hits_(max_hits), executor_(std::move(executor)) {}
+
+  /// The camera to be scanned: the next one each time; if `focused`, one that shows foreground.
+  size_t next_camera(const DetectorFrames& frames, bool focused);
+  /// Needs the response maps of the frames. `focused`: on the foreground only.
+  ScanResult scan(const DetectorFrames& frames, size_t camera, bool focused) const;
+  /// The same with the object's middle so near [px of the image] to a pixel only.
+  ScanResult scan_about(const DetectorFrames& frames, size_t camera, const Eigen::Vector2d& pixel,
+                        double radius_px) const;
+
+ private:
+  void scan_range(const DetectorFrames& frames, ScanResult& out) const;
+
+  const TemplateBank& bank_;
+  const SearchDistances& distances_;
+  const size_t max_hits_;
+  const Executor executor_;
+  size_t next_ = 0;
+};
+
+/// Columns [first, end) of every row of the response maps where the middle of an object that
+/// reaches so far [px of the maps] may be, if it is to touch the mask of the half-size image.
+std::vector<std::array<int, 2>> columns_near(const std::vector<uint8_t>& mask, int width,
+                                             int height, int reach);
+
+/// The same about a place of the maps [px].
+std::vector<std::array<int, 2>> columns_about(const Eigen::Vector2d& place, double radius,
+                                              int width, int height);
+
+}  // namespace sightline::observe

@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "observe/detect/template_bank.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "observe/detect/detect_constants.hpp"
+#include "observe/detect/pixels/scan_kernel.hpp"
+
+namespace sightline::observe {
+namespace {
+
+// Turns the camera's axis into the ray.
+Eigen::Quaterniond ray_turn(const Eigen::Vector3d& ray) {
+  return Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), ray);
+}
+
+class FeaturePicker {
+ public:
+  FeaturePicker(const View& view, const Eigen::Vector3d& center)
+      : rotation_(view.camera_from_object.rotation_matrix().cast<float>()),
+        center_((view.camera_from_object * center).cast<float>()),
+        translation_(view.camera_from_object.translation.cast<float>()) {}
+
+  void add(const Eigen::Vector3f& point, const Eigen::Vector3f& normal, ViewFeatures& out) const {
+    if (out.count == ViewFeatures::kMax) return;
+    const Eigen::Vector3f p = rotation_ * point + translation_;
+    const Eigen::Vector3f n = rotation_ * normal;
+    const float to_center = center_.z() / p.z();
+    out.x[out.count] = p.x() * to_center;
+    out.y[out.count] = p.y() * to_center;
+    out.angle[out.count] = std::atan2(n.y(), n.x());
+    ++out.count;
+  }
+  // In the image, across the tangent.
+  Eigen::Vector3f normal_of(const InnerEdgeSample& edge) const {
+    const Eigen::Vector3f t = rotation_ * edge.tangent;
+    return rotation_.transpose() * Eigen::Vector3f(-t.y(), t.x(), 0.0f);
+  }
+
+ private:
+  Eigen::Matrix3f rotation_;
+  Eigen::Vector3f center_, translation_;
+};
+
+ViewFeatures pick_features(const View& view, const Eigen::Vector3d& center) {
+  const FeaturePicker picker(view, center);
+  ViewFeatures out;
+  const size_t inner = std::min(view.edges.size() / 4, ViewFeatures::kMax - kOutlineFeatures);
+  const size_t outer = std::min(view.contour.size(), ViewFeatures::kMax - inner);
+  for (size_t i = 0; i < outer; ++i) {
+    const ContourSample& sample = view.contour[(2 * i + 1) * view.contour.size() / (2 * outer)];
+    picker.add(sample.point, sample.normal, out);
+  }
+  for (size_t i = 0; i < inner; ++i) {
+    const InnerEdgeSample& edge = view.edges[(2 * i + 1) * view.edges.size() / (2 * inner)];
+    picker.add(edge.point, picker.normal_of(edge), out);
+  }
+  return out;
+}
+
+// Keeps the best hits of a stream of unknown length and quality.
+class HitList {
+ public:
+  explicit HitList(size_t max) : max_(max) {}
+  uint8_t threshold() const { return threshold_; }
+  void add(const ScanHit& hit) {
+    hits_.push_back(hit);
+    if (hits_.size() >= 4 * max_) shrink(2 * max_);
+  }
+  std::vector<ScanHit> take() {
+    std::stable_sort(hits_.begin(), hits_.end(), better);
+    return std::move(hits_);
+  }
+
+ private:
+  static bool better(const ScanHit& a, const ScanHit& b) { return a.score > b.score; }
+  void shrink(size_t size) {
+    std::stable_sort(hits_.begin(), hits_.end(), better);
+    hits_.resize(size);
+    threshold_ = static_cast<uint8_t>(std::max<int>(threshold_, hits_.back().score + 1));
+  }
+
+  const size_t max_;
+  uint8_t threshold_ = 90;
+  std::vector<ScanHit> hits_;
+};
+
+}  // namespace
+
+TemplateBank::TemplateBank(std::shared_ptr<const ViewpointModel> model) : model_(std::move(model)) {
+  for (size_t i = 0; i < model_->size(); ++i) {
+    const View view = model_->view(i);
+    features_.push_back(pick_features(view, model_->center()));
+    camera_from_object_.push_back(view.camera_from_object.rotation_matrix());
+  }
+}
+
+float TemplateBank::score(const WeakPerspectivePose& pose, const ResponseMaps& maps) const {
+  const ViewFeatures& f = features_[pose.view];
+  if (f.count == 0) return 0;
+  const float c = std::cos(pose.turn) * pose.scale, s = std::sin(pose.turn) * pose.scale;
+  int sum = 0;
+  for (size_t i = 0; i < f.count; ++i) {
+    const float x = pose.x + c * f.x[i] - s * f.y[i];
+    const float y = pose.y + s * f.x[i] + c * f.y[i];
+    sum += maps.at(angle_bin(f.angle[i] + pose.turn), static_cast<int>(std::floor(x + 0.5f)),
+                   static_cast<int>(std::floor(y + 0.5f)));
+  }
+  return static_cast<float>(sum) /
+         static_cast<float>(ResponseMaps::kFullResponse * static_cast<int>(f.count));
+}
+
+std::optional<WeakPerspectivePose> TemplateBank::weak_perspective(const CameraModel& camera,
+                                                                  const Rigid3& camera_from_object,
+                                                                  double shrink) const {
+  const Eigen::Vector3d center = camera_from_object * model_->center();
+  const double distance = center.norm();
+  if (center.z() < 0.01 * distance || distance < 1.01 * model_->radius()) return std::nullopt;
+  const auto pixel = camera.project(center);
+  if (!pixel) return std::nullopt;
+  WeakPerspectivePose out;
+  out.view = model_->nearest(camera_from_object);
+  const Eigen::Matrix3d along_ray = ray_turn(center / distance).toRotationMatrix().transpose() *
+                                    camera_from_object.rotation_matrix();
+  const Eigen::Matrix3d turn = along_ray * camera_from_object_[out.view].transpose();
+  out.turn = static_cast<float>(std::atan2(turn(1, 0) - turn(0, 1), turn(0, 0) + turn(1, 1)));
+  out.scale = static_cast<float>(camera.parameters().fx / (distance * shrink));
+  // Pixel centers of the small image lie between those of the large one.
+  out.x = static_cast<float>((pixel->x() + 0.5) / shrink - 0.5);
+  out.y = static_cast<float>((pixel->y() + 0.5) / shrink - 0.5);
+  return out;
+}
+
+std::optional<Rigid3> TemplateBank::full_pose(const CameraModel& camera,
+                                              const WeakPerspectivePose& pose,
+                                              double shrink) const {
+  const Eigen::Vector2d pixel((static_cast<double>(pose.x) + 0.5) * shrink - 0.5,
+                              (static_cast<double>(pose.y) + 0.5) * shrink - 0.5);
+  const auto ray = camera.unproject(pixel);
+  if (!ray || !(pose.scale > 0)) return std::nullopt;
+  const double distance = camera.parameters().fx / (static_cast<double>(pose.scale) * shrink);
+  const Eigen::Quaterniond rotation =
+      ray_turn(*ray) * Eigen::AngleAxisd(static_cast<double>(pose.turn), Eigen::Vector3d::UnitZ()) *
+      Eigen::Quaterniond(camera_from_object_[pose.view]);
+  return Rigid3(rotation, distance * *ray - rotation * model_->center());
+}
+
+WeakPerspectivePose template_pose(const ScanHit& hit, const ScanRange& range) {
+  WeakPerspectivePose pose;
+  pose.view = hit.view;
+  pose.turn = static_cast<float>(2 * std::numbers::pi * hit.turn / range.turns);
+  pose.scale = range.scales[hit.scale];
+  pose.x = hit.x;
+  pose.y = hit.y;
+  return pose;
+}
+
+std::vector<ScanHit> scan(const TemplateBank& bank, const ResponseMaps& maps,
+                          const ScanRange& range) {
+  HitList hits(range.max);
+  std::vector<uint8_t> sums(static_cast<size_t>(maps.stride()) + 64);
+  std::vector<ptrdiff_t> offsets;
+  std::array<const uint8_t*, ViewFeatures::kMax> rows{};
+  const size_t views = std::min(range.views, bank.model().size());
+  uint64_t places = 0;
+  const auto reach = static_cast<float>(maps.margin());
+  for (size_t scale = 0; scale < range.scales.size(); ++scale) {
+    for (size_t view = 0; view < views; ++view) {
+      const ViewFeatures& f = bank.features(view);
+      for (int turn = 0; turn < range.turns; ++turn) {
+        const auto angle = static_cast<float>(2 * std::numbers::pi * turn / range.turns);
+        const float c = std::cos(angle) * range.scales[scale];
+        const float s = std::sin(angle) * range.scales[scale];
+        for (size_t i = 0; i < f.count; ++i) {
+          const float x = std::clamp(c * f.x[i] - s * f.y[i], -reach, reach);
+          const float y = std::clamp(s * f.x[i] + c * f.y[i], -reach, reach);
+          rows[i] = maps.origin(angle_bin(f.angle[i] + angle)) +
+                    static_cast<int>(std::floor(y + 0.5f)) * maps.stride() +
+                    static_cast<int>(std::floor(x + 0.5f));
+        }
+        const std::span features(rows.data(), f.count);
+        int begin = 0;
+        for (int y = 0; y < maps.height(); y += kScanRowStep) {
+          const auto [first, end] =
+              range.rows.empty() ? std::array{0, maps.width()} : range.rows[static_cast<size_t>(y)];
+          const uint8_t threshold = hits.threshold();
+          for (size_t i = 0; i < f.count; ++i) rows[i] += first - begin;
+          begin = first;
+          const int columns = end - first;
+          places += static_cast<uint64_t>(std::max(0, columns));
+          if (columns > 0 && sum_features(features, columns, threshold, sums.data())) {
+            for (int x = 0; x < columns; ++x) {
+              const uint8_t sum = sums[static_cast<size_t>(x)];
+              // Of a plateau its first place.
+              if (sum < threshold || (x > 0 && sums[static_cast<size_t>(x) - 1] >= sum) ||
+                  (x + 1 < columns && sums[static_cast<size_t>(x) + 1] > sum))
+                continue;
+              hits.add({sum, static_cast<uint16_t>(view), static_cast<uint16_t>(turn),
+                        static_cast<uint16_t>(scale), static_cast<int16_t>(first + x),
+                        static_cast<int16_t>(y)});
+            }
+          }
+          for (size_t i = 0; i < f.count; ++i) rows[i] += kScanRowStep * maps.stride();
+        }
+      }
+    }
+  }
+  bank.work().places += places;
+  std::vector<ScanHit> best = hits.take();
+  if (best.size() > range.max) best.resize(range.max);
+  return best;
+}
+
+}  // namespace sightline::observe

@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "observe/track/model_tracker.hpp"
+
+#include <cmath>
+#include <utility>
+
+#include "observe/track/track_constants.hpp"
+
+namespace sightline::observe {
+
+using namespace tuning;
+
+ModelTracker::ModelTracker(const TrackerCamera& camera, const TrackedObject& object)
+    : camera_(camera),
+      object_(object),
+      outline_(camera, *object.views),
+      other_outline_(camera, *object.views),
+      fit_(camera),
+      region_(camera),
+      edges_(camera),
+      texture_(camera) {}
+
+// By the object's colors as a whole.
+OutlineAgreement ModelTracker::by_all_colors(const Look& look, const ColorHistograms* known) {
+  outline_.place(look.prior.world_from_object);
+  const ColorHistograms* const colors =
+      fit_.fit(ColorReader(look.frame.i420()), look.prior, look.spread_px, known, outline_);
+  if (colors == nullptr) return {};
+  return region_.judge(look.prior, colors->separation(), outline_);
+}
+
+// By the colors of each stretch of its outline. Some that differ are found almost anywhere, so that
+// they only say where the outline is; that it is one, its edges have to say. What is printed beside
+// the outline can mislead colors that are read while it is some pixels off: then the edges move it
+// first.
+OutlineAgreement ModelTracker::by_local_colors(const Look& look, const LocalColors* known) {
+  outline_.place(look.prior.world_from_object);
+  const OutlineAgreement by_colors = judge_locally(look, look.spread_px, known);
+  if (by_colors.seen) return by_colors;
+  outline_.place(look.prior.world_from_object);
+  edges_.pull(look.frame.gray(), look.prior, outline_);
+  return judge_locally(look, 0, known);
+}
+
+OutlineAgreement ModelTracker::judge_locally(const Look& look, double spread_px,
+                                             const LocalColors* known) {
+  if (!fit_.fit_locally(ColorReader(look.frame.i420()), look.prior, spread_px,
+                        known != nullptr ? *known : nothing_local_, outline_)) {
+    return {};
+  }
+  OutlineAgreement agreement = region_.judge(look.prior, 1.0, outline_);
+  agreement.local = true;
+  if (!agreement.seen) return agreement;
+  const EdgeSupport edges = edges_.support(look.frame.gray(), look.prior, outline_, agreement);
+  agreement.edge_support = edges.share();
+  agreement.seen = agreement.edge_support >= kMinEdgeSupport &&
+                   agreement.edge_support * agreement.evidence >= kMinLocalScore;
+  return agreement;
+}
+
+OutlineAgreement ModelTracker::find_outline(const Look& look, const ColorHistograms* known,
+                                            const LocalColors* known_local) {
+  const bool held_locally = known_local != nullptr && known_local->known();
+  if (held_locally) {
+    const OutlineAgreement local = by_local_colors(look, known_local);
+    if (local.seen) return local;
+  }
+  OutlineAgreement all = by_all_colors(look, known);
+  if (all.seen && all.evidence >= kClearEvidence) return all;
+  if (all.seen) {
+    all.edge_support = edges_.support(look.frame.gray(), look.prior, outline_, all).share();
+  }
+  // Of what was held by the colors of its stretches, those as a whole are known not to tell.
+  if (held_locally) {
+    all.seen = all.seen && all.edge_support >= kHeldEdgeSupport;
+    return all;
+  }
+  std::swap(outline_, other_outline_);
+  const OutlineAgreement local = by_local_colors(look, known_local);
+  const double rival = all.seen ? all.edge_support + kClearEdgeMargin : 0;
+  if (local.seen && local.edge_support >= rival) return local;
+  std::swap(outline_, other_outline_);
+  return all;
+}
+
+ModelTracker::Measurement ModelTracker::measure(const Frame& frame, const Prediction& prediction,
+                                                const Learned& learned,
+                                                std::span<const OccludingSphere> spheres,
+                                                std::vector<PoseTermPtr>& terms) {
+  const TrackerOptions& options = camera_.options;
+  const PosePrior prior(prediction.world_from_object, prediction.covariance,
+                        options.placing_floor.rotation, options.placing_floor.translation);
+  outline_.set_occluders(spheres);
+  other_outline_.set_occluders(spheres);
+  outline_.place(prediction.world_from_object);
+  Measurement out;
+  const Rigid3 object_from_camera = outline_.camera_from_object().inverse();
+  out.aspect = Appearance::aspect_of(
+      (object_from_camera.translation - object_.views->center()).normalized());
+  ObjectTracker::TrackResult& result = out.result;
+  result.lines_total = static_cast<int>(outline_.lines().size());
+  if (outline_.lines().empty()) return out;
+
+  const Matrix6& covariance = prediction.covariance;
+  const double sigma_rotation = std::sqrt(covariance.topLeftCorner<3, 3>().trace() / 3);
+  const double sigma_translation = std::sqrt(covariance.bottomRightCorner<3, 3>().trace() / 3);
+  const double spread_px =
+      outline_.pixels_per_meter() * (sigma_translation + object_.views->radius() * sigma_rotation);
+  const ColorHistograms* known =
+      learned.colors != nullptr ? learned.colors->of_aspect(out.aspect) : nullptr;
+  const OutlineAgreement agreement = find_outline({frame, prior, spread_px}, known, learned.local);
+  result.lines_total = static_cast<int>(outline_.lines().size());
+  result.lines_used = agreement.lines_used;
+  result.evidence = agreement.evidence;
+  result.separation = agreement.separation;
+  result.noise_px = agreement.noise_px;
+  result.local_colors = agreement.local;
+  result.edge_support = agreement.edge_support;
+  result.seen = agreement.seen;
+  if (result.seen) make_terms(frame, prior, prediction, agreement, learned.texture, out, terms);
+  return out;
+}
+
+void ModelTracker::make_terms(const Frame& frame, const PosePrior& prior,
+                              const Prediction& prediction, const OutlineAgreement& agreement,
+                              TexturePoints* texture, Measurement& out,
+                              std::vector<PoseTermPtr>& terms) {
+  ObjectTracker::TrackResult& result = out.result;
+  out.fitted = outline_.pose() * Rigid3::exp(agreement.step);
+  if (texture != nullptr) {
+    PoseTermPtr term = texture_.measure(frame.gray(), prior, out.fitted, outline_.occluders(),
+                                        prediction.ambiguous, *texture, result.points_used);
+    if (term) terms.push_back(std::move(term));
+  }
+  if (object_.modalities.region) terms.push_back(region_.term(outline_, agreement));
+  // On a textured object most steps of brightness are texture.
+  if (object_.modalities.edge && result.points_used < tuning::kTexturedPoints) {
+    const EdgeResult edges = edges_.measure(frame.gray(), prior, outline_, agreement, terms);
+    result.edges_used = edges.used;
+    result.edge_noise_px = edges.noise_px;
+  }
+}
+
+}  // namespace sightline::observe

@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sightline/observe/track/object_tracker.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "observe/track/learned_appearance.hpp"
+#include "observe/track/model_tracker.hpp"
+#include "observe/track/symmetric_evidence.hpp"
+#include "observe/track/tracker_camera.hpp"
+#include "sightline/base/check.hpp"
+#include "sightline/observe/terms/observation_header.hpp"
+
+namespace sightline {
+namespace {
+
+using observe::LearnedAppearance;
+using observe::ModelTracker;
+using observe::OccludingSphere;
+using observe::TrackerCamera;
+
+Status require(bool good, const char* name, const char* range) {
+  if (good) return {};
+  return make_error(ErrorCode::kInvalidInput, "tracker", "option {} must be {}", name, range);
+}
+
+Status check(const TrackerOptions& o) {
+  const auto share = [](double v) { return v >= 0 && v < 1; };
+  const auto positive = [](const PoseSigma& s) { return s.rotation > 0 && s.translation > 0; };
+  SL_RETURN_IF_ERROR(require(o.region_floor_px > 0, "region_floor_px", "positive"));
+  SL_RETURN_IF_ERROR(require(o.edge_floor_px > 0, "edge_floor_px", "positive"));
+  SL_RETURN_IF_ERROR(require(o.huber > 0, "huber", "positive"));
+  SL_RETURN_IF_ERROR(require(o.gamma > 0.2 && o.gamma < 5, "gamma", "between 0.2 and 5"));
+  SL_RETURN_IF_ERROR(require(o.max_line_noise_px > 0, "max_line_noise_px", "positive"));
+  SL_RETURN_IF_ERROR(require(o.max_edge_noise_px > 0, "max_edge_noise_px", "positive"));
+  SL_RETURN_IF_ERROR(require(o.max_texture_noise_px > 0, "max_texture_noise_px", "positive"));
+  SL_RETURN_IF_ERROR(require(o.min_edge_step > 0, "min_edge_step", "positive"));
+  SL_RETURN_IF_ERROR(require(o.edge_reach_px > 0, "edge_reach_px", "positive"));
+  SL_RETURN_IF_ERROR(require(o.learn_distance_px > 0, "learn_distance_px", "positive"));
+  SL_RETURN_IF_ERROR(require(positive(o.placing_floor), "placing_floor", "positive"));
+  SL_RETURN_IF_ERROR(require(o.region_correlation_px > 0, "region_correlation_px", "positive"));
+  SL_RETURN_IF_ERROR(require(o.edge_correlation_px > 0, "edge_correlation_px", "positive"));
+  SL_RETURN_IF_ERROR(
+      require(o.learning_rate > 0 && o.learning_rate <= 1, "learning_rate", "above 0, at most 1"));
+  SL_RETURN_IF_ERROR(require(o.min_lines >= 6, "min_lines", "6 or more"));
+  SL_RETURN_IF_ERROR(require(share(o.min_line_share), "min_line_share", "from 0 to below 1"));
+  SL_RETURN_IF_ERROR(require(share(o.min_separation), "min_separation", "from 0 to below 1"));
+  return require(share(o.min_evidence), "min_evidence", "from 0 to below 1");
+}
+
+}  // namespace
+
+class ObjectTracker::Impl {
+ public:
+  Impl(const CalibratedCamera& camera, CameraId id, std::vector<TrackedObject> objects,
+       const TrackerOptions& options, SceneDepth scene)
+      : id_(id),
+        camera_(std::make_shared<const CalibratedCamera>(camera), options, std::move(scene)) {
+    for (TrackedObject& object : objects) {
+      ids_.push_back(object.id);
+      states_.push_back(std::make_unique<State>(camera_, id, std::move(object)));
+    }
+  }
+
+  std::span<const ObjectId> objects() const { return ids_; }
+  const TrackResult& last_result(size_t index) const { return states_.at(index)->last; }
+  void step(const Frame& frame, std::span<const PoseTrackPtr> tracks,
+            std::vector<Observation>& out);
+  Observation propose(const Frame& frame, ObjectId object, const Rigid3& pose,
+                      const Matrix6& covariance);
+
+ private:
+  struct State {
+    State(const TrackerCamera& camera, CameraId id, TrackedObject tracked)
+        : object(std::move(tracked)), tracker(camera, object), appearance(camera, id, object) {}
+    const TrackedObject object;
+    ModelTracker tracker;
+    LearnedAppearance appearance;
+    TrackResult last;
+  };
+
+  bool usable(const Frame& frame) const {
+    const CameraModel& model = camera_.camera->model;
+    return frame.info().status == FrameStatus::kGood && frame.info().width == model.width() &&
+           frame.info().height == model.height();
+  }
+  void gather_occluders(ObjectId object, Time time, std::span<const PoseTrackPtr> tracks);
+  void track(State& state, const Frame& frame, const PoseAt& at, Observation& out);
+
+  CameraId id_;
+  const TrackerCamera camera_;
+  std::vector<ObjectId> ids_;
+  std::vector<std::unique_ptr<State>> states_;
+  std::vector<OccludingSphere> spheres_;
+};
+
+void ObjectTracker::Impl::gather_occluders(ObjectId object, Time time,
+                                           std::span<const PoseTrackPtr> tracks) {
+  spheres_.clear();
+  for (const auto& state : states_) {
+    const TrackedObject& other = state->object;
+    if (other.id == object) continue;
+    for (const PoseTrackPtr& track : tracks) {
+      if (!track || track->object() != other.id || track->empty()) continue;
+      const PoseAt at = track->at(time);
+      if (at.source == PoseSource::kNone) continue;
+      spheres_.push_back(
+          {camera_.camera_from_world * (at.estimate.world_from_object * other.views->center()),
+           other.views->radius()});
+    }
+  }
+}
+
+// Measures an object around its predicted pose and notes what may be learned from the frame.
+void ObjectTracker::Impl::track(State& state, const Frame& frame, const PoseAt& at,
+                                Observation& out) {
+  LearnedAppearance& appearance = state.appearance;
+  const bool ambiguous = (at.estimate.degraded_reasons & kAmbiguous) != 0;
+  const bool certain = appearance.certain();
+  const bool missing = appearance.misses_object(at.estimate);
+  if (missing) appearance.restart_miss_count();
+  const bool stale = missing && appearance.known();
+  // Colors that were learned of a symmetric pose would mislead.
+  const bool fresh_colors = stale || (ambiguous && certain);
+  const ModelTracker::Measurement measured = state.tracker.measure(
+      frame, {at.estimate.world_from_object, at.estimate.own_covariance(), ambiguous},
+      {fresh_colors ? nullptr : &appearance.colors(),
+       fresh_colors ? nullptr : &appearance.local_colors(), appearance.texture()},
+      spheres_, out.terms);
+  const bool learned = state.last.learned;
+  state.last = measured.result;
+  state.last.learned = learned;
+  if (!state.last.seen) {
+    appearance.note_missed(at.estimate);
+    return;
+  }
+  const observe::PlacedOutline& outline = state.tracker.outline();
+  if (ambiguous) {
+    out.symmetric_hypotheses = observe::compare_symmetric_poses(
+        frame, measured.fitted, camera_, state.object, outline.occluders(),
+        certain ? appearance.texture() : nullptr);
+  }
+  appearance.note_seen(frame, outline, measured.aspect, measured.result, stale);
+}
+
+void ObjectTracker::Impl::step(const Frame& frame, std::span<const PoseTrackPtr> tracks,
+                               std::vector<Observation>& out) {
+  if (!usable(frame)) return;
+  const Time capture = frame.info().capture;
+  for (auto& owned : states_) {
+    State& state = *owned;
+    state.last = {};
+    const ObjectId object = state.object.id;
+    Observation& observation = out.emplace_back(make_observation(frame.info(), id_, object));
+    const auto found = std::find_if(tracks.begin(), tracks.end(), [object](const PoseTrackPtr& t) {
+      return t && t->object() == object;
+    });
+    if (found == tracks.end() || (*found)->empty()) continue;
+    const bool learned = state.appearance.learn_pending(**found, state.tracker.outline());
+    const PoseAt at = (*found)->at(capture);
+    state.appearance.review(at, state.tracker.outline().pose());
+    if (at.source == PoseSource::kNone || !has_pose(at.estimate.state)) continue;
+    state.last.learned = learned;
+    gather_occluders(object, capture, tracks);
+    track(state, frame, at, observation);
+  }
+}
+
+Observation ObjectTracker::Impl::propose(const Frame& frame, ObjectId object, const Rigid3& pose,
+                                         const Matrix6& covariance) {
+  Observation out = make_observation(frame.info(), id_, object);
+  const auto at = std::find(ids_.begin(), ids_.end(), object);
+  if (at == ids_.end() || !usable(frame)) return out;
+  State& state = *states_[static_cast<size_t>(at - ids_.begin())];
+  spheres_.clear();
+  state.last = state.tracker
+                   .measure(frame, {pose, covariance},
+                            {nullptr, nullptr, state.appearance.texture()}, spheres_, out.terms)
+                   .result;
+  if (out.terms.empty()) return out;
+  double cost = 0;
+  for (const PoseTermPtr& term : out.terms) cost += term->linearize(pose).cost;
+  out.hypotheses.push_back({pose, cost});
+  return out;
+}
+
+Result<std::unique_ptr<ObjectTracker>> ObjectTracker::create(const CalibratedCamera& camera,
+                                                             CameraId id,
+                                                             std::vector<TrackedObject> objects,
+                                                             const TrackerOptions& options,
+                                                             SceneDepth scene) {
+  SL_RETURN_IF_ERROR(check(options));
+  std::erase_if(objects,
+                [](const TrackedObject& object) { return !object.modalities.appearance(); });
+  for (const TrackedObject& object : objects) {
+    SL_CHECK(object.views != nullptr, "a tracked object has a viewpoint model");
+  }
+  return std::unique_ptr<ObjectTracker>(new ObjectTracker(
+      std::make_unique<Impl>(camera, id, std::move(objects), options, std::move(scene))));
+}
+
+ObjectTracker::ObjectTracker(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+ObjectTracker::~ObjectTracker() = default;
+
+std::span<const ObjectId> ObjectTracker::objects() const { return impl_->objects(); }
+
+void ObjectTracker::step(const Frame& frame, std::span<const PoseTrackPtr> tracks,
+                         std::vector<Observation>& out) {
+  impl_->step(frame, tracks, out);
+}
+
+Observation ObjectTracker::propose(const Frame& frame, ObjectId object,
+                                   const Rigid3& world_from_object, const Matrix6& covariance) {
+  return impl_->propose(frame, object, world_from_object, covariance);
+}
+
+const ObjectTracker::TrackResult& ObjectTracker::last_result(size_t index) const {
+  return impl_->last_result(index);
+}
+
+}  // namespace sightline

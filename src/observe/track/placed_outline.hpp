@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Geometry>
+#include <span>
+#include <vector>
+
+#include "observe/track/contour_lines.hpp"
+#include "observe/track/tracker_camera.hpp"
+
+namespace sightline::observe {
+
+/// The prediction as a quadratic cost about its pose: it holds a fit near where lines were placed.
+struct PosePrior {
+  Rigid3 world_from_object;
+  Matrix6 information;
+
+  /// The prediction is never believed better than `min_rotation` [rad] and `min_translation` [m]:
+  /// it only places lines.
+  PosePrior(const Rigid3& pose, const Matrix6& covariance, double min_rotation,
+            double min_translation);
+  /// Where a pose lies from the prediction.
+  Vector6 offset_of(const Rigid3& pose) const { return difference(world_from_object, pose); }
+};
+
+/// The outline of one object, placed at a pose: the lines of the nearest view that are in the image
+/// and not hidden. Buffers are kept from frame to frame.
+class PlacedOutline {
+ public:
+  PlacedOutline(const TrackerCamera& camera, const ViewpointModel& views)
+      : camera_(&camera), views_(&views) {}
+
+  /// What hides the object in the frame at hand.
+  void set_occluders(std::span<const OccludingSphere> spheres) {
+    occluders_ = {camera_->scene.tile, spheres};
+  }
+  /// Drops what was measured.
+  void place(const Rigid3& world_from_object);
+
+  /// Of the object, in its frame.
+  const Eigen::Vector3d& center() const { return views_->center(); }
+  const Rigid3& pose() const { return world_from_object_; }
+  Rigid3 camera_from_object() const { return camera_->camera_from_world * world_from_object_; }
+  View view() const { return views_->view(view_); }
+  const Occluders& occluders() const { return occluders_; }
+  std::vector<ContourLine>& lines() { return lines_; }
+  const std::vector<ContourLine>& lines() const { return lines_; }
+
+  /// At the object's center.
+  double pixels_per_meter() const;
+  /// Share of the lines that are independent, if lines closer than `correlation_px` are wrong
+  /// together.
+  double independent_share(double correlation_px) const;
+  /// Box around the lines' centers [px]; there must be some.
+  Eigen::AlignedBox2d bounds() const;
+  /// How far it lies from the outline at another pose [px], rms over lines.
+  double distance_to(const Rigid3& world_from_object) const;
+
+ private:
+  const TrackerCamera* camera_;
+  const ViewpointModel* views_;
+  Occluders occluders_;
+  Rigid3 world_from_object_;
+  size_t view_ = 0;
+  std::vector<ContourLine> lines_;
+};
+
+}  // namespace sightline::observe

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "observe/track/contour_lines.hpp"
+#include "observe/track/texture_points.hpp"
+#include "observe/track/tracker_camera.hpp"
+#include "sightline/model/observation.hpp"
+
+namespace sightline::observe {
+
+/// What the mesh's colors and the texture learned say of a fitted pose and of those that the shape
+/// cannot tell from it, as a cost (-log likelihood up to a constant) for each. Empty if nothing is
+/// known. `texture`: points that belong to one of the poses beyond doubt; null: none do.
+std::vector<PoseHypothesis> compare_symmetric_poses(const Frame& frame, const Rigid3& fitted,
+                                                    const TrackerCamera& camera,
+                                                    const TrackedObject& object,
+                                                    const Occluders& occluders,
+                                                    TexturePoints* texture);
+
+}  // namespace sightline::observe

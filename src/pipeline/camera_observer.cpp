@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sightline/pipeline/camera_observer.hpp"
+
+#include <algorithm>
+#include <iterator>
+
+#include "sightline/pipeline/mesh_depth_renderer.hpp"
+#include "sightline/pipeline/rig_parts.hpp"
+
+namespace sightline {
+namespace {
+
+std::vector<TrackedObject> tracked_objects(const Rig& rig, CameraId camera) {
+  std::vector<TrackedObject> objects;
+  for (const RigObject& object : rig.objects) {
+    if (!object.description.modalities.appearance()) continue;
+    const bool symmetric = !object.shape_symmetry.rotations.empty();
+    objects.push_back({object.named.id, object.views, object.description.modalities,
+                       mesh_depth_renderer_factory(object.mesh, rig.cameras[camera.index()]),
+                       object.shape_symmetry, symmetric ? object.samples : nullptr});
+  }
+  return objects;
+}
+
+// Two modalities start from slightly different poses of one frame; the poses of a symmetric shape
+// are much farther apart [rad].
+constexpr double kSamePose = 0.5;
+
+double max_cost(const std::vector<PoseHypothesis>& hypotheses) {
+  return std::max_element(hypotheses.begin(), hypotheses.end(),
+                          [](const auto& a, const auto& b) { return a.cost < b.cost; })
+      ->cost;
+}
+
+// Two modalities measure independently, so the costs (-log likelihoods) of a pose add up. A pose
+// that one of them does not name is for it as unlikely as the least likely one that it does.
+void add_evidence(const std::vector<PoseHypothesis>& from, std::vector<PoseHypothesis>& to) {
+  if (from.empty()) return;
+  if (to.empty()) {
+    to = from;
+    return;
+  }
+  const size_t named = to.size();
+  const double max_from = max_cost(from), max_to = max_cost(to);
+  for (PoseHypothesis& hypothesis : to) hypothesis.cost += max_from;
+  for (const PoseHypothesis& hypothesis : from) {
+    size_t nearest = 0;
+    const auto off = [&](size_t i) {
+      return rotation_angle(to[i].world_from_object, hypothesis.world_from_object);
+    };
+    for (size_t i = 1; i < named; ++i) {
+      if (off(i) < off(nearest)) nearest = i;
+    }
+    if (off(nearest) < kSamePose) {
+      to[nearest].cost += hypothesis.cost - max_from;
+    } else {
+      to.push_back({hypothesis.world_from_object, hypothesis.cost + max_to});
+    }
+  }
+}
+
+}  // namespace
+
+Result<std::unique_ptr<CameraObserver>> CameraObserver::create(const Installation& installation,
+                                                               const Rig& rig, CameraId camera) {
+  SL_ASSIGN(auto fiducials, make_observer(installation, rig, camera));
+  std::vector<TrackedObject> objects = tracked_objects(rig, camera);
+  SceneDepth scene;
+  if (!objects.empty()) scene = make_scene_depth(rig, camera);
+  SL_CHECK(camera.index() < installation.cameras.size(), "camera id of another installation");
+  const CameraConfig& config = installation.cameras[camera.index()];
+  TrackerOptions options = installation.tracker;
+  if (config.gamma > 0) options.gamma = config.gamma;
+  SL_ASSIGN(auto tracker, ObjectTracker::create(config.calibration, camera, std::move(objects),
+                                                options, std::move(scene)));
+  return std::unique_ptr<CameraObserver>(
+      new CameraObserver(std::move(fiducials), std::move(tracker)));
+}
+
+void CameraObserver::step(const Frame& frame, std::span<const PoseTrackPtr> tracks,
+                          std::vector<Observation>& out) {
+  const size_t first = out.size();
+  fiducials_->step(frame, tracks, out);
+  tracker_->step(frame, tracks, out);
+  merge_observations(first, out);
+}
+
+void merge_observations(size_t first, std::vector<Observation>& observations) {
+  for (size_t i = first; i < observations.size(); ++i) {
+    Observation& kept = observations[i];
+    for (size_t j = observations.size() - 1; j > i; --j) {
+      Observation& other = observations[j];
+      if (other.object != kept.object) continue;
+      std::move(other.terms.begin(), other.terms.end(), std::back_inserter(kept.terms));
+      std::move(other.hypotheses.begin(), other.hypotheses.end(),
+                std::back_inserter(kept.hypotheses));
+      add_evidence(other.symmetric_hypotheses, kept.symmetric_hypotheses);
+      observations.erase(observations.begin() + static_cast<ptrdiff_t>(j));
+    }
+  }
+}
+
+}  // namespace sightline

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sightline/pipeline/carry_forward.hpp"
+
+#include <algorithm>
+
+namespace sightline {
+namespace {
+
+Time newest_capture(const std::vector<Observation>& found) {
+  return std::max_element(
+             found.begin(), found.end(),
+             [](const Observation& a, const Observation& b) { return a.capture < b.capture; })
+      ->capture;
+}
+
+// The further behind, the longer: every step costs the same.
+constexpr int kStepsToNow = 4;
+
+}  // namespace
+
+CarryForward::CarryForward(std::vector<Observation> found, const CarryOptions& options)
+    : options_(options), found_(std::move(found)), next_(options.first_step) {
+  if (!found_.empty()) now_ = newest_capture(found_);
+}
+
+bool CarryForward::step(FrameTrail& trail, const FollowStep& follow) {
+  while (!found_.empty() && trail.newest() > now_ + options_.close_enough) {
+    const Duration behind = trail.newest() - now_;
+    now_ += next_;
+    const std::vector<FramePtr> frames = trail.take_until(now_);
+    if (frames.empty()) continue;
+    std::vector<Observation> moved = follow(frames);
+    next_ = std::clamp(behind / kStepsToNow, options_.step, options_.max_step);
+    if (!moved.empty()) {
+      misses_ = 0;
+      found_ = std::move(moved);
+      now_ = newest_capture(found_);
+    } else if (++misses_ > options_.max_misses) {
+      found_.clear();
+    }
+    return !found_.empty();
+  }
+  return false;
+}
+
+std::vector<Observation> CarryForward::take() {
+  return misses_ == 0 ? std::move(found_) : std::vector<Observation>();
+}
+
+std::vector<Observation> carry_forward(FrameTrail& trail, std::vector<Observation> found,
+                                       const FollowStep& follow, const std::function<bool()>& go_on,
+                                       const CarryOptions& options) {
+  CarryForward carry(std::move(found), options);
+  while (go_on() && carry.step(trail, follow)) {
+  }
+  return carry.take();
+}
+
+}  // namespace sightline

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sightline/pipeline/mesh_depth_renderer.hpp"
+
+#include <algorithm>
+
+#include "sightline/render/raster/raster.hpp"
+
+namespace sightline {
+namespace {
+
+class MeshDepthRenderer final : public DepthRenderer {
+ public:
+  MeshDepthRenderer(std::shared_ptr<const RayTable> rays, std::shared_ptr<const RenderMesh> mesh)
+      : rasterizer_(std::move(rays)), mesh_(std::move(mesh)) {}
+
+  const CameraModel& camera() const override { return rasterizer_.rays().model(); }
+
+  DepthTile render(const Rigid3& camera_from_object) override {
+    rasterizer_.render(*mesh_, camera_from_object, 0, tile_);
+    DepthTile out;
+    if (tile_.rect().empty()) return out;
+    out.x = tile_.rect().x;
+    out.y = tile_.rect().y;
+    // A tile may reach past an image of odd size.
+    out.width = std::min(tile_.width(), camera().width() - out.x);
+    out.height = std::min(tile_.height(), camera().height() - out.y);
+    out.stride = static_cast<ptrdiff_t>(tile_.stride());
+    out.data = tile_.inverse_depth(0);
+    return out;
+  }
+
+ private:
+  MeshRasterizer rasterizer_;
+  std::shared_ptr<const RenderMesh> mesh_;
+  RasterTile tile_;
+};
+
+}  // namespace
+
+DepthRendererFactory mesh_depth_renderer_factory(std::shared_ptr<const RenderMesh> mesh,
+                                                 std::shared_ptr<const CameraGeometry> camera) {
+  return [mesh = std::move(mesh),
+          camera = std::move(camera)](const CameraModel& model) -> std::unique_ptr<DepthRenderer> {
+    auto rays = camera ? camera->rays(model) : RayTable::build(model);
+    return std::make_unique<MeshDepthRenderer>(std::move(rays), mesh);
+  };
+}
+
+}  // namespace sightline

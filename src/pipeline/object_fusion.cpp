@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sightline/pipeline/object_fusion.hpp"
+
+#include <algorithm>
+
+#include "sightline/base/check.hpp"
+
+namespace sightline {
+
+Result<std::unique_ptr<ObjectFusion>> ObjectFusion::create(
+    const EstimatorOptions& options, std::span<const NamedObject> objects,
+    std::span<const ShapeSymmetry> shape_symmetry, std::shared_ptr<TrackBoard> board) {
+  std::unique_ptr<ObjectFusion> fusion(new ObjectFusion());
+  for (size_t i = 0; i < objects.size(); ++i) {
+    fusion->shape_symmetry_.push_back(i < shape_symmetry.size() ? shape_symmetry[i]
+                                                                : ShapeSymmetry());
+    SL_ASSIGN(ObjectEstimator estimator,
+              ObjectEstimator::create(options, objects[i].id, fusion->shape_symmetry_.back()));
+    fusion->tracks_.push_back(estimator.track());
+    fusion->estimators_.push_back(std::move(estimator));
+  }
+  fusion->options_ = options;
+  fusion->board_ = std::move(board);
+  return fusion;
+}
+
+std::span<const UpdateReport> ObjectFusion::process(std::span<const Observation> set) {
+  reports_.clear();
+  for (size_t i = 0; i < estimators_.size(); ++i) {
+    const bool among = std::any_of(set.begin(), set.end(), [&](const Observation& observation) {
+      return observation.object.index() == i;
+    });
+    if (!among) continue;
+    reports_.push_back(estimators_[i].process(set));  // it takes what is of its object
+    if (!reports_.back().dropped) publish(i);
+  }
+  return reports_;
+}
+
+std::span<const ObjectId> ObjectFusion::advance(Time now) {
+  changed_.clear();
+  for (size_t i = 0; i < estimators_.size(); ++i) {
+    const TrackState before = estimators_[i].state();
+    estimators_[i].advance(now);
+    if (estimators_[i].state() == before) continue;
+    publish(i);
+    changed_.push_back(tracks_[i]->object());
+  }
+  return changed_;
+}
+
+void ObjectFusion::forget(ObjectId object) {
+  const size_t index = object.index();
+  auto estimator = ObjectEstimator::create(options_, object, shape_symmetry_.at(index));
+  SL_CHECK(estimator.has_value(), "options that were good once");
+  estimators_[index] = *std::move(estimator);
+  publish(index);
+}
+
+void ObjectFusion::publish(size_t object) {
+  tracks_[object] = estimators_[object].track();
+  if (board_) board_->publish(tracks_[object]->object(), tracks_[object]);
+}
+
+}  // namespace sightline

@@ -1,0 +1,265 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sightline/pipeline/object_search.hpp"
+
+#include <algorithm>
+
+#include "sightline/pipeline/parallel.hpp"
+#include "sightline/pipeline/search_cost.hpp"
+
+namespace sightline {
+namespace {
+
+constexpr Duration kEager = std::chrono::seconds(10);     // after it went missing: no bound on cost
+constexpr Duration kForgotten = std::chrono::seconds(5);  // without a search: it goes missing anew
+
+// Null where the mesh has no colors.
+Result<std::unique_ptr<ColorVerifier>> make_color_verifier(
+    const RigObject& object, const std::vector<DetectorCamera>& cameras) {
+  if (!object.samples) return std::unique_ptr<ColorVerifier>();
+  return ColorVerifier::create(*object.samples, cameras);
+}
+
+void append(const Detection& detection, std::vector<Observation>& out) {
+  out.insert(out.end(), detection.observations.begin(), detection.observations.end());
+}
+
+}  // namespace
+
+Result<std::unique_ptr<ObjectSearch>> ObjectSearch::create(const Installation& installation,
+                                                           const Rig& rig) {
+  std::unique_ptr<ObjectSearch> search(new ObjectSearch());
+  if (!installation.detect.enabled) return std::unique_ptr<ObjectSearch>();
+  search->interval_ = installation.detect.interval;
+  search->max_load_ = installation.detect.max_load;
+  std::vector<DetectorCamera> cameras;
+  for (size_t i = 0; i < installation.cameras.size(); ++i) {
+    const CameraConfig& camera = installation.cameras[i];
+    if (!observes(camera.role)) continue;
+    cameras.push_back({CameraId(static_cast<uint32_t>(i)), camera.calibration});
+    if (!installation.detect.silhouettes) continue;
+    search->backgrounds_.resize(installation.cameras.size());
+    SL_ASSIGN(search->backgrounds_[i],
+              BackgroundModel::create(camera.calibration, installation.detect.background));
+  }
+  if (cameras.empty()) return std::unique_ptr<ObjectSearch>();
+  search->cameras_ = cameras.size();
+  for (const RigObject& object : rig.objects) {
+    if (has_markers(object.description)) continue;
+    SL_RETURN_IF_ERROR(search->add_target(installation, object, cameras));
+  }
+  if (search->targets_.empty()) return std::unique_ptr<ObjectSearch>();
+  return search;
+}
+
+Status ObjectSearch::add_target(const Installation& installation, const RigObject& object,
+                                const std::vector<DetectorCamera>& cameras) {
+  const DetectorOptions& options = installation.detect.detector;
+  DetectionPolicy policy(object.shape_symmetry, options.accept);
+  Target target{
+      object.named.id, std::move(policy), object.views, {}, {}, {}, false, {}, false, {}, {}};
+  SL_ASSIGN(target.colors, make_color_verifier(object, cameras));
+  if (object.features) {
+    SL_ASSIGN(target.features, FeatureDetector::create(object.features, cameras));
+  }
+  SL_ASSIGN(target.detector,
+            ObjectDetector::create(
+                object.named.id, object.views, cameras,
+                DetectionPolicy::detector_options(options, target.colors != nullptr), run_on_half));
+  const auto& start = installation.objects.at(object.named.id.index()).start;
+  if (start) target.told = Told{*start, Time::max(), 0};
+  targets_.push_back(std::move(target));
+  return {};
+}
+
+bool ObjectSearch::due(const Target& target, Time now, std::span<const PoseTrackPtr> tracks) const {
+  return !(target.searched && now - target.last < target.pause) && missing(target, now, tracks);
+}
+
+bool ObjectSearch::missing(const Target& target, Time now, std::span<const PoseTrackPtr> tracks) {
+  const size_t index = target.object.index();
+  const PoseTrackPtr track = index < tracks.size() ? tracks[index] : nullptr;
+  if (!track || track->empty()) return true;
+  const PoseEstimate& newest = track->newest();
+  if (!has_pose(newest.state)) return true;
+  return newest.state == TrackState::kCoasting && now - newest.last_measured > kBlindAfter;
+}
+
+bool ObjectSearch::due(Time now, std::span<const PoseTrackPtr> tracks) const {
+  {
+    std::lock_guard lock(mutex_);
+    if (!messages_.empty()) return true;
+  }
+  return std::any_of(targets_.begin(), targets_.end(),
+                     [&](const Target& target) { return due(target, now, tracks); });
+}
+
+void ObjectSearch::find_known(Time time, std::span<const PoseTrackPtr> tracks, bool coasting) {
+  known_.clear();
+  for (const Target& target : targets_) {
+    const size_t index = target.object.index();
+    if (index >= tracks.size() || !tracks[index]) continue;
+    const PoseAt at = tracks[index]->at(time);
+    if (at.source == PoseSource::kNone || !has_pose(at.estimate.state)) continue;
+    if (at.estimate.state == TrackState::kCoasting && !coasting) continue;
+    known_.push_back({target.views.get(), at.estimate.world_from_object});
+  }
+}
+
+bool ObjectSearch::complete(Time now) const {
+  const Duration waited = now - first_frame_;
+  const bool enough = delivered_.size() >= std::min<size_t>(2, cameras_);
+  return delivered_.size() >= cameras_ || waited >= (enough ? kFirstFrames : kAloneAfter);
+}
+
+bool ObjectSearch::learns(CameraId camera, Time capture) const {
+  const size_t index = camera.index();
+  return index < backgrounds_.size() && backgrounds_[index] && backgrounds_[index]->wants(capture);
+}
+
+void ObjectSearch::learn(CameraId camera, const Frame& frame,
+                         std::span<const PoseTrackPtr> tracks) {
+  const Time capture = frame.info().capture;
+  if (!learns(camera, capture)) return;
+  find_known(capture, tracks, true);
+  backgrounds_[camera.index()]->learn(frame, known_);
+}
+
+void ObjectSearch::add_frame(CameraId camera, const Frame& frame,
+                             std::span<const PoseTrackPtr> tracks) {
+  const Time capture = frame.info().capture;
+  if (delivered_.empty()) first_frame_ = capture;
+  if (std::find(delivered_.begin(), delivered_.end(), camera) == delivered_.end()) {
+    delivered_.push_back(camera);
+  }
+  learn(camera, frame, tracks);
+  const BackgroundModel* background =
+      camera.index() < backgrounds_.size() ? backgrounds_[camera.index()].get() : nullptr;
+  const bool missing_any = std::any_of(targets_.begin(), targets_.end(), [&](const Target& target) {
+    return missing(target, capture, tracks);
+  });
+  if (missing_any && background != nullptr) find_known(capture, tracks, false);
+  const bool is_known =
+      missing_any && background != nullptr && background->foreground(frame, known_, foreground_);
+  for (Target& target : targets_) {
+    target.detector->add_frame(camera, frame, is_known ? &foreground_ : nullptr);
+    if (target.colors) target.colors->add_frame(camera, frame);
+    if (target.features) target.features->add_frame(camera, frame);
+  }
+}
+
+bool ObjectSearch::hint(ObjectId object, const SearchHint& hint, Time until) {
+  return tell({object, Told{hint, until, 0}});
+}
+
+bool ObjectSearch::forget(ObjectId object) { return tell({object, std::nullopt}); }
+
+bool ObjectSearch::tell(Message message) {
+  const bool known = std::any_of(targets_.begin(), targets_.end(), [&](const Target& target) {
+    return target.object == message.object;
+  });
+  if (!known) return false;
+  std::lock_guard lock(mutex_);
+  messages_.push_back(std::move(message));
+  return true;
+}
+
+void ObjectSearch::take_messages() {
+  std::vector<Message> messages;
+  {
+    std::lock_guard lock(mutex_);
+    messages.swap(messages_);
+  }
+  for (Message& message : messages) {
+    for (Target& target : targets_) {
+      if (target.object != message.object) continue;
+      target.told = message.told;
+      target.pause = Duration(0);
+      if (!message.told) target.found = {};
+    }
+  }
+}
+
+Detection ObjectSearch::look_where_told(Target& target, Time now) {
+  if (target.told && (now > target.told->until || target.told->tries++ >= kHintTries)) {
+    target.told.reset();
+  }
+  if (!target.told) return {};
+  Detection found =
+      target.policy.by_outline(target.detector->detect_at(target.told->hint), target.colors.get());
+  return found;
+}
+
+Detection ObjectSearch::look_everywhere(Target& target) {
+  if (target.features) {  // texture says more than an outline, and sooner
+    feature_work_.textures += cameras_;
+    Detection found = target.policy.by_features(target.detector->judge(target.features->propose()),
+                                                target.colors.get());
+    target.by_features = !found.poses.empty();
+    if (target.by_features) return found;
+  }
+  return target.policy.by_outline(target.detector->detect(), target.colors.get());
+}
+
+std::vector<Observation> ObjectSearch::search(Time now, std::span<const PoseTrackPtr> tracks) {
+  take_messages();
+  Target* next = nullptr;
+  for (Target& target : targets_) {
+    target.found = {};
+    if (!due(target, now, tracks)) continue;
+    const auto waits_since = [](const Target& t) { return t.searched ? t.last : Time::min(); };
+    if (next == nullptr || waits_since(target) < waits_since(*next)) next = &target;
+  }
+  std::vector<Observation> out;
+  if (next != nullptr) search(*next, now, out);
+  return out;
+}
+
+void ObjectSearch::search(Target& target, Time now, std::vector<Observation>& out) {
+  if (!target.searched || now - target.last > target.pause + kForgotten) target.missing_since = now;
+  target.last = now;
+  target.searched = true;
+  target.by_features = false;
+  const SearchWork before = work();
+  target.found = look_where_told(target, now);
+  if (target.found.poses.empty()) target.found = look_everywhere(target);
+  if (!target.found.poses.empty()) target.told.reset();
+  SearchWork done = work();
+  done -= before;
+  target.pause = pause_after(target, now, done);
+  append(target.found, out);
+}
+
+// What is not found for long is looked for at a bounded cost: by the model of it, so that a replay
+// does the same on any machine.
+Duration ObjectSearch::pause_after(Target& target, Time now, const SearchWork& work) const {
+  if (!target.found.poses.empty()) target.missing_since = now;
+  if (now - target.missing_since < kEager) return interval_;
+  return std::max(interval_, from_seconds(to_seconds(search_cost(work)) / max_load_));
+}
+
+std::vector<Observation> ObjectSearch::follow() {
+  std::vector<Observation> out;
+  for (Target& target : targets_) {
+    if (target.found.poses.empty()) continue;
+    Detection now;
+    if (target.by_features) {
+      feature_work_.near_poses += cameras_;
+      now = target.policy.by_features(
+          target.detector->judge(target.features->propose_near(target.found)), target.colors.get());
+    } else {
+      now = target.policy.by_outline(target.detector->follow(target.found), target.colors.get());
+    }
+    if (now.poses.empty()) continue;  // covered or blurred for a moment: the next frames may do
+    append(now, out);
+    target.found = std::move(now);
+  }
+  return out;
+}
+
+SearchWork ObjectSearch::work() const {
+  SearchWork sum = feature_work_;
+  for (const Target& target : targets_) sum += target.detector->work();
+  return sum;
+}
+
+}  // namespace sightline

@@ -1,3 +1,0 @@
-// SPDX-License-Identifier: Apache-2.0
-#define SIGHTLINE_TILE_KERNELS kAvx2Kernels
-#include "tile_kernels_body.hpp"

@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a running system is told of an object: where it is, and that its track is wrong.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include "sightline/image/convert.hpp"
+#include "sightline/record/evaluate.hpp"
+#include "sightline/record/replay.hpp"
+#include "system/system.hpp"
+
+namespace sightline {
+namespace {
+
+using namespace std::chrono_literals;
+
+const std::filesystem::path kBench =
+    std::filesystem::path(SIGHTLINE_SOURCE_DIR) / "recordings" / "bench";
+
+// The parts of a system that search and fuse, fed with the first images of `bench` again and again,
+// as if they were taken now.
+class ObjectHint : public testing::Test {
+ protected:
+  ObjectHint() {
+    system_.installation = recording_installation(kBench).value();
+    system_.installation.objects.front().description.modalities.fiducial = false;
+    RigOptions options;
+    options.cache.clear();
+    system_.rig = std::make_shared<const Rig>(load_rig(system_.installation, options).value());
+    system_.board = std::make_shared<TrackBoard>(1);
+    system_.fusion = FusionWorker::start(system_.installation.estimator, system_.rig->names(), {},
+                                         system_.board, registry_, beats_, {})
+                         .value();
+    system_.search = SearchWorker::start(
+        ObjectSearch::create(system_.installation, *system_.rig).value(), 3, system_.board,
+        [fusion = system_.fusion](Observation found) { fusion->push(std::move(found)); }, registry_,
+        beats_);
+    const auto recording = std::make_shared<const Recording>(open_recording(kBench).value());
+    const auto frames = *VirtualReplay::open(recording).value()->next().value();
+    for (const FramePtr& frame : frames) {
+      auto image = std::make_shared<Image>(frame->info().width, frame->info().height);
+      copy_i420(frame->i420(), image->mutable_view());
+      images_.push_back(std::move(image));
+      infos_.push_back(frame->info());
+    }
+    truth_ = read_truth(kBench / "truth.csv").value().front().world_from_object;
+  }
+  ~ObjectHint() override {
+    system_.search->stop();
+    system_.fusion->stop();
+  }
+
+  // Feeds frames until the condition holds; false: it does not within some ten seconds.
+  template <typename Condition>
+  bool feed_until(const Condition& condition) {
+    for (int i = 0; i < 1000; ++i) {
+      if (condition()) return true;
+      const Time now = MonotonicClock::now();
+      for (size_t camera = 0; camera < images_.size(); ++camera) {
+        FrameInfo info = infos_[camera];
+        info.capture = now;
+        system_.search->push(Frame::decoded(info, images_[camera]));
+      }
+      std::this_thread::sleep_for(10ms);
+    }
+    return condition();
+  }
+  PoseTrackPtr track() {
+    std::vector<PoseTrackPtr> tracks;
+    system_.board->read(tracks);
+    return tracks.front();
+  }
+  bool known() {
+    const PoseTrackPtr now = track();
+    return now && !now->empty() && has_pose(now->newest().state);
+  }
+
+  Registry registry_;
+  HeartbeatBoard beats_;
+  System system_;
+  std::vector<std::shared_ptr<Image>> images_;  // of the first frames, by camera
+  std::vector<FrameInfo> infos_;
+  Rigid3 truth_;
+};
+
+TEST_F(ObjectHint, IsFoundWhereItIsToldAndForgottenWhenTold) {
+  EXPECT_TRUE(system_.hint("carton", truth_));
+  ASSERT_TRUE(feed_until([&] { return known(); }));
+  EXPECT_LT(translation_distance(track()->newest().world_from_object, truth_), 0.02);
+  EXPECT_TRUE(system_.forget("carton"));
+  bool gone = false;
+  for (int i = 0; i < 1000 && !gone; ++i) {
+    gone = !known();
+    std::this_thread::sleep_for(5ms);
+  }
+  EXPECT_TRUE(gone);
+  EXPECT_TRUE(system_.hint("carton", truth_));
+  ASSERT_TRUE(feed_until([&] { return known(); })) << "looked for anew";
+  EXPECT_LT(translation_distance(track()->newest().world_from_object, truth_), 0.02);
+}
+
+TEST(LastPoseKeeper, WritesWhereItWasTrackedAtTheEnd) {
+  const auto folder =
+      std::filesystem::path(testing::TempDir()) / fmt::format("keeper_{}", ::getpid());
+  const auto file = folder / "last.csv";
+  std::filesystem::remove_all(folder);
+  PoseLogRow other;
+  other.object = "cup";
+  other.state = TrackState::kTracking;
+  other.world_from_object = Rigid3();
+  ASSERT_TRUE(write_last_poses(file, {other}));
+  HeartbeatBoard beats;
+  const auto board = std::make_shared<TrackBoard>(2);
+  const auto publish = [&](uint32_t object, TrackState state, double x) {
+    PoseEstimate estimate;
+    estimate.object = ObjectId(object);
+    estimate.time = Time(1s);
+    estimate.state = state;
+    estimate.world_from_object.translation.x() = x;
+    board->publish(estimate.object, std::make_shared<const PoseTrack>(
+                                        estimate.object, std::vector{estimate}, MotionNoise{}));
+  };
+  publish(0, TrackState::kTracking, 0.5);
+  publish(1, TrackState::kDegraded, 0.7);
+  const auto keeper =
+      LastPoseKeeper::start(file, {{ObjectId(0), "carton"}, {ObjectId(1), "truck"}}, board, beats);
+  EXPECT_TRUE(keeper->stop_unless_waiting(10s));
+  const auto rows = read_last_poses(file);
+  ASSERT_EQ(rows.size(), 2u) << "of the truck nothing was certain";
+  EXPECT_EQ(rows[0].object, "carton");
+  EXPECT_DOUBLE_EQ(rows[0].world_from_object->translation.x(), 0.5);
+  EXPECT_EQ(rows[1].object, "cup");
+  std::filesystem::remove_all(folder);
+}
+
+TEST_F(ObjectHint, WhatCannotBeIsRefused) {
+  EXPECT_FALSE(system_.hint("cup", truth_));
+  EXPECT_FALSE(system_.forget("cup"));
+  ImageHint place;
+  place.camera = CameraId(9);
+  EXPECT_FALSE(system_.hint("carton", place));
+  const System nothing;
+  EXPECT_FALSE(nothing.hint("carton", truth_));
+}
+
+}  // namespace
+}  // namespace sightline

@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+// A search that is told where to look finds the object there at once, and claims nothing that the
+// images do not show.
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include "sightline/pipeline/object_search.hpp"
+#include "sightline/record/evaluate.hpp"
+#include "sightline/record/replay.hpp"
+
+namespace sightline {
+namespace {
+
+const std::filesystem::path kBench =
+    std::filesystem::path(SIGHTLINE_SOURCE_DIR) / "recordings" / "bench";
+const ObjectId kCarton(0);
+
+// The first frames of `bench`, without the markers on the carton.
+class SearchHintTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    installation_ = std::make_unique<Installation>(recording_installation(kBench).value());
+    installation_->objects.front().description.modalities.fiducial = false;
+    RigOptions options;
+    options.cache.clear();
+    rig_ = std::make_unique<Rig>(load_rig(*installation_, options).value());
+    const auto recording = std::make_shared<const Recording>(open_recording(kBench).value());
+    frames_ = *VirtualReplay::open(recording).value()->next().value();
+    const auto truth = read_truth(kBench / "truth.csv").value();
+    truth_ = truth.front().world_from_object;
+    center_ = rig_->objects.front().views->center();
+  }
+  static void TearDownTestSuite() {
+    frames_.clear();
+    rig_.reset();
+    installation_.reset();
+  }
+
+  SearchHintTest() : search_(ObjectSearch::create(*installation_, *rig_).value()) {
+    for (const FramePtr& frame : frames_) search_->add_frame(frame->info().camera, *frame, {});
+  }
+
+  static Time now() { return frames_.front()->info().capture; }
+  std::vector<Observation> look() { return search_->search(now(), {}); }
+
+  // Every pose that is claimed is where the carton is, up to what its shape cannot tell apart.
+  static void expect_right(const std::vector<Observation>& found) {
+    for (const Observation& observation : found) {
+      for (const PoseHypothesis& pose : observation.hypotheses) {
+        EXPECT_LT((pose.world_from_object * center_ - truth_ * center_).norm(), 0.02);
+      }
+    }
+  }
+  static Rigid3 moved(const Eigen::Vector3d& by) {
+    Rigid3 pose = truth_;
+    pose.translation += by;
+    return pose;
+  }
+  static ImageHint in_left(const Eigen::Vector2d& off = Eigen::Vector2d::Zero()) {
+    const CalibratedCamera& left = installation_->cameras[0].calibration;
+    ImageHint hint;
+    hint.camera = CameraId(0);
+    hint.pixel = *left.model.project(left.world_from_camera.inverse() * (truth_ * center_)) + off;
+    return hint;
+  }
+
+  static inline std::unique_ptr<Installation> installation_;
+  static inline std::unique_ptr<Rig> rig_;
+  static inline std::vector<FramePtr> frames_;
+  static inline Rigid3 truth_;
+  static inline Eigen::Vector3d center_ = Eigen::Vector3d::Zero();
+  std::unique_ptr<ObjectSearch> search_;
+};
+
+TEST_F(SearchHintTest, APoseThatIsAboutRightIsEnough) {
+  ASSERT_TRUE(search_->hint(kCarton, moved({0.01, -0.01, 0.005})));
+  const auto found = look();
+  EXPECT_FALSE(found.empty());
+  expect_right(found);
+  EXPECT_EQ(search_->work().places, 0u) << "nothing else was looked at";
+}
+
+TEST_F(SearchHintTest, TheInstallationMaySayWhereItStarts) {
+  Installation installation = *installation_;
+  installation.objects.front().start = moved({-0.01, 0.005, 0.01});
+  const auto search = ObjectSearch::create(installation, *rig_).value();
+  for (const FramePtr& frame : frames_) search->add_frame(frame->info().camera, *frame, {});
+  const auto found = search->search(now(), {});
+  EXPECT_FALSE(found.empty());
+  expect_right(found);
+  EXPECT_EQ(search->work().places, 0u);
+}
+
+TEST_F(SearchHintTest, APlaceInAnImageIsLookedAtBeforeAllOthers) {
+  look();
+  const uint64_t everywhere = search_->work().places;
+  const auto told = ObjectSearch::create(*installation_, *rig_).value();
+  for (const FramePtr& frame : frames_) told->add_frame(frame->info().camera, *frame, {});
+  ASSERT_TRUE(told->hint(kCarton, in_left({12, -8})));
+  const auto found = told->search(now(), {});
+  EXPECT_FALSE(found.empty());
+  expect_right(found);
+  EXPECT_GT(told->work().places, everywhere) << "and rivals at other places are known";
+}
+
+TEST_F(SearchHintTest, AWrongPoseIsNotBelieved) {
+  for (const Eigen::Vector3d& by :
+       {Eigen::Vector3d(0.3, 0, 0), Eigen::Vector3d(0, 0.25, 0), Eigen::Vector3d(0, 0, -0.2)}) {
+    const auto search = ObjectSearch::create(*installation_, *rig_).value();
+    for (const FramePtr& frame : frames_) search->add_frame(frame->info().camera, *frame, {});
+    ASSERT_TRUE(search->hint(kCarton, moved(by)));
+    expect_right(search->search(now(), {}));
+    EXPECT_GT(search->work().places, 0u) << "it was looked for elsewhere, too";
+  }
+}
+
+TEST_F(SearchHintTest, AWrongPlaceIsNotBelieved) {
+  for (const Eigen::Vector2d& pixel : {Eigen::Vector2d(40, 40), Eigen::Vector2d(600, 440)}) {
+    const auto search = ObjectSearch::create(*installation_, *rig_).value();
+    for (const FramePtr& frame : frames_) search->add_frame(frame->info().camera, *frame, {});
+    ImageHint hint;
+    hint.camera = CameraId(0);
+    hint.pixel = pixel;
+    ASSERT_TRUE(search->hint(kCarton, hint));
+    expect_right(search->search(now(), {}));
+  }
+}
+
+TEST_F(SearchHintTest, WhatIsTooOldOrForgottenCountsNoMore) {
+  ASSERT_TRUE(search_->hint(kCarton, truth_, now() - std::chrono::seconds(1)));
+  look();
+  EXPECT_GT(search_->work().places, 0u);
+  const auto other = ObjectSearch::create(*installation_, *rig_).value();
+  for (const FramePtr& frame : frames_) other->add_frame(frame->info().camera, *frame, {});
+  other->hint(kCarton, truth_);
+  other->forget(kCarton);
+  other->search(now(), {});
+  EXPECT_GT(other->work().places, 0u);
+}
+
+TEST_F(SearchHintTest, ComesFromAnyThread) {
+  std::jthread talker([&] {
+    for (int i = 0; i < 1000; ++i) {
+      search_->hint(kCarton, truth_);
+      if (i % 3 == 0) search_->forget(kCarton);
+      EXPECT_FALSE(search_->hint(ObjectId(7), truth_)) << "no such object";
+    }
+    search_->hint(kCarton, truth_);
+  });
+  expect_right(look());
+  talker.join();
+  search_->hint(kCarton, truth_);
+  EXPECT_FALSE(search_->search(now() + std::chrono::seconds(1), {}).empty());
+}
+
+}  // namespace
+}  // namespace sightline
