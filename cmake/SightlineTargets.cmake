@@ -31,9 +31,11 @@ macro(sightline_global_flags)
     # Global, so that every object of the program agrees.
     add_compile_options(-fsanitize=${SIGHTLINE_SANITIZE} -fno-omit-frame-pointer)
     add_link_options(-fsanitize=${SIGHTLINE_SANITIZE})
-    # g++ 12 reports optional values as maybe uninitialized where the instrumentation splits a test.
-    if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND SIGHTLINE_SANITIZE MATCHES "thread")
-      add_compile_options(-Wno-maybe-uninitialized)
+    # What g++ 12 warns of by following values misleads it where the instrumentation splits a test or
+    # keeps strings from being inlined; the release build has these warnings.
+    if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+      add_compile_options(-Wno-maybe-uninitialized -Wno-array-bounds -Wno-restrict -Wno-stringop-overflow
+                          -Wno-stringop-overread)
     endif()
     if(SIGHTLINE_SANITIZE MATCHES "undefined")
       add_compile_options(-fno-sanitize-recover=undefined)

@@ -17,7 +17,8 @@ std::vector<TrackedObject> tracked_objects(const Rig& rig, CameraId camera) {
     const bool symmetric = !object.shape_symmetry.rotations.empty();
     objects.push_back({object.named.id, object.views, object.description.modalities,
                        mesh_depth_renderer_factory(object.mesh, rig.cameras[camera.index()]),
-                       object.shape_symmetry, symmetric ? object.samples : nullptr});
+                       object.shape_symmetry,
+                       symmetric || object.printed ? object.samples : nullptr, object.printed});
   }
   return objects;
 }

@@ -54,7 +54,7 @@ Result<std::unique_ptr<ObjectSearch>> ObjectSearch::create(const Installation& i
 Status ObjectSearch::add_target(const Installation& installation, const RigObject& object,
                                 const std::vector<DetectorCamera>& cameras) {
   const DetectorOptions& options = installation.detect.detector;
-  DetectionPolicy policy(object.shape_symmetry, options.accept);
+  DetectionPolicy policy(object.shape_symmetry, options.accept, object.printed);
   Target target{
       object.named.id, std::move(policy), object.views, {}, {}, {}, false, {}, false, {}, {}};
   SL_ASSIGN(target.colors, make_color_verifier(object, cameras));
@@ -189,11 +189,16 @@ Detection ObjectSearch::look_where_told(Target& target, Time now) {
   return found;
 }
 
+Detection ObjectSearch::by_features(Target& target, PoseProposals proposals) {
+  const ColorVerifier* colors = target.colors.get();
+  return target.policy.by_features(
+      target.detector->judge(target.policy.confirm(std::move(proposals), colors)), colors);
+}
+
 Detection ObjectSearch::look_everywhere(Target& target) {
   if (target.features) {  // texture says more than an outline, and sooner
     feature_work_.textures += cameras_;
-    Detection found = target.policy.by_features(target.detector->judge(target.features->propose()),
-                                                target.colors.get());
+    Detection found = by_features(target, target.features->propose());
     target.by_features = !found.poses.empty();
     if (target.by_features) return found;
   }
@@ -244,8 +249,7 @@ std::vector<Observation> ObjectSearch::follow() {
     Detection now;
     if (target.by_features) {
       feature_work_.near_poses += cameras_;
-      now = target.policy.by_features(
-          target.detector->judge(target.features->propose_near(target.found)), target.colors.get());
+      now = by_features(target, target.features->propose_near(target.found));
     } else {
       now = target.policy.by_outline(target.detector->follow(target.found), target.colors.get());
     }

@@ -5,6 +5,7 @@
 #include <numbers>
 #include <optional>
 
+#include "pipeline/rendered_features.hpp"
 #include "sightline/base/log.hpp"
 #include "sightline/geometry/mesh_surface.hpp"
 #include "sightline/observe/shape/shape_symmetry.hpp"
@@ -33,6 +34,19 @@ class SurfaceReader {
     return &*surface_;
   }
   const SurfaceImages& images() const { return images_; }  ///< after surface()
+  /// True if there is any image; after surface().
+  bool has_print() const {
+    return std::any_of(images_.begin(), images_.end(),
+                       [](const auto& image) { return image != nullptr; });
+  }
+  /// The images, ready to be drawn; after surface().
+  std::vector<std::shared_ptr<const SurfaceTexture>> textures() const {
+    std::vector<std::shared_ptr<const SurfaceTexture>> out;
+    for (const auto& image : images_) {
+      out.push_back(image ? std::make_shared<const SurfaceTexture>(image->view()) : nullptr);
+    }
+    return out;
+  }
 
  private:
   const ObjectDescription& object_;
@@ -42,11 +56,7 @@ class SurfaceReader {
 
 Status load_paint(const ObjectDescription& object, SurfaceReader& reader, RenderMesh& mesh) {
   SL_ASSIGN(const MeshSurface* surface, reader.surface());
-  std::vector<std::shared_ptr<const SurfaceTexture>> textures;
-  for (const auto& image : reader.images()) {
-    textures.push_back(image ? std::make_shared<const SurfaceTexture>(image->view()) : nullptr);
-  }
-  paint_mesh(*surface, std::move(textures), mesh);
+  paint_mesh(*surface, reader.textures(), mesh);
   if (mesh.paint.empty())
     log::warning("{}: has no colors; its fill is shaded in the state's", object.mesh.string());
   return {};
@@ -64,6 +74,28 @@ Result<std::shared_ptr<const FeatureModel>> load_features(const ObjectDescriptio
                     "was trained on another mesh than {} (or in another unit): train {} again "
                     "(sightline train)",
                     object.mesh.string(), object.name);
+}
+
+// A print finds an object sooner than its outline, and tells sides apart that have the same
+// outline.
+Result<std::shared_ptr<const FeatureModel>> features_of_texture(const RigObject& object,
+                                                                SurfaceReader& reader,
+                                                                const RigOptions& options) {
+  SL_ASSIGN(const MeshSurface* surface, reader.surface());
+  if (surface->textures.empty()) return std::shared_ptr<const FeatureModel>();
+  std::shared_ptr<const RenderMesh> mesh = object.mesh;
+  if (mesh->paint.empty()) {
+    RenderMesh painted = *mesh;
+    paint_mesh(*surface, reader.textures(), painted);
+    mesh = std::make_shared<const RenderMesh>(std::move(painted));
+  }
+  SL_ASSIGN(auto features, rendered_features({*object.triangles, mesh, *surface, reader.images()},
+                                             options.cache, options.stop));
+  if (features) {
+    log::info("{}: is also found by {} features of its texture", object.description.name,
+              features->features.size());
+  }
+  return features;
 }
 
 Result<SurfaceSamples> load_samples(SurfaceReader& reader) {
@@ -140,6 +172,10 @@ Result<RigObject> load_object(const Installation& installation, ObjectId id,
   object.shape_symmetry = shape_symmetry_of(*object.views, description);
   if (needs.searched || !object.shape_symmetry.rotations.empty()) {
     SL_ASSIGN(object.samples, load_samples(reader));
+    object.printed = object.samples && description.modalities.texture && reader.has_print();
+  }
+  if (needs.searched && description.modalities.texture && !object.features) {
+    SL_ASSIGN(object.features, features_of_texture(object, reader, options));
   }
   log_symmetry(object);
   return object;

@@ -36,7 +36,7 @@ Detection detection(double evidence) {
 }
 
 TEST(DetectionPolicy, AsksForMoreWhereNoColorsAgree) {
-  const DetectionPolicy policy({}, kAccept);
+  const DetectionPolicy policy({}, kAccept, false);
   EXPECT_TRUE(policy.by_outline(detection(1.3 * kAccept), nullptr).poses.empty());
   EXPECT_EQ(policy.by_outline(detection(1.4 * kAccept), nullptr).poses.size(), 1u);
   EXPECT_TRUE(policy.by_outline({}, nullptr).poses.empty());
@@ -50,7 +50,7 @@ TEST(DetectionPolicy, LetsTheDetectorAskForLessWhereThereAreColors) {
 }
 
 TEST(DetectionPolicy, FeaturesTellSymmetricPosesApart) {
-  const DetectionPolicy policy(half_turn(), kAccept);
+  const DetectionPolicy policy(half_turn(), kAccept, false);
   const Detection found = policy.by_features(detection(0.1), nullptr);
   ASSERT_EQ(found.poses.size(), 1u) << "features are believed as they are";
   const std::vector<PoseHypothesis>& compared = found.observations[0].symmetric_hypotheses;
@@ -62,7 +62,7 @@ TEST(DetectionPolicy, FeaturesTellSymmetricPosesApart) {
 }
 
 TEST(DetectionPolicy, ComparesNothingWhileSeveralPosesAreLeft) {
-  const DetectionPolicy policy(half_turn(), kAccept);
+  const DetectionPolicy policy(half_turn(), kAccept, false);
   Detection two = detection(1);
   two.poses.push_back(two.poses.front());
   EXPECT_TRUE(

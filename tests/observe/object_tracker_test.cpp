@@ -451,6 +451,29 @@ TEST(ObjectTracker, ColorsOfTheMeshTellHowACartonLies) {
   }
 }
 
+TEST(ObjectTracker, APrintThatDoesNotShowRefusesTheOutline) {
+  const SceneRig rig(carton_options(300ms, test::Paint::Kind::kFaces));
+  TrackedObject object = tracked_carton(true);
+  object.printed = true;
+  Tracking tracking(rig, object);
+  size_t measured = 0;
+  for (const auto& set : rig.sets()) {
+    tracking.step(set);
+    for (const Observation& seen : tracking.observations) measured += seen.terms.empty() ? 0 : 1;
+  }
+  EXPECT_GT(measured, rig.shots().size() / 2);
+  // The same shape at the same place, with another print.
+  std::vector<SurfaceSample> other = *object.samples;
+  for (SurfaceSample& spot : other) spot.color = Eigen::Vector3f::Constant(255) - spot.color;
+  object.samples = std::make_shared<const std::vector<SurfaceSample>>(std::move(other));
+  Tracking refused(rig, object);
+  refused.step(rig.sets().front());  // a proposal is not asked for its print
+  for (size_t i = 1; i < rig.sets().size(); ++i) {
+    refused.step(rig.sets()[i]);
+    for (const Observation& seen : refused.observations) EXPECT_TRUE(seen.terms.empty()) << i;
+  }
+}
+
 TEST(ObjectTracker, PrintSeenBeforeTellsHowACartonLiesWhenItIsFoundAgain) {
   const SceneRig rig(carton_options(1200ms, test::Paint::Kind::kPrinted));
   const TrackedObject object = tracked_carton(false);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "stream/request_guard.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <string>
@@ -35,7 +36,7 @@ TEST(RequestGuard, PassesWhatViewersSend) {
             Verdict::kPass);
   EXPECT_EQ(take(guard, std::string("\r\na\0\1", 5)), Verdict::kPass);
   const std::string frame("$\1\0\4abcd", 8), empty("$\0\0\0", 4);
-  EXPECT_EQ(take(guard, frame + empty + "\r\n\r\n" + frame), Verdict::kPass);
+  EXPECT_EQ(take(guard, fmt::format("{0}{1}\r\n\r\n{0}", frame, empty)), Verdict::kPass);
   EXPECT_EQ(guard.unfinished_since(), Time{});
   EXPECT_EQ(take(guard, "TEARDOWN * RTSP/1.0\r\n\r\n"), Verdict::kPass);
 }

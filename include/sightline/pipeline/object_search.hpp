@@ -100,6 +100,7 @@ class ObjectSearch {
   void take_messages();
   void search(Target& target, Time now, std::vector<Observation>& out);
   Detection look_where_told(Target& target, Time now);
+  static Detection by_features(Target& target, PoseProposals proposals);
   Detection look_everywhere(Target& target);
   /// Until the next search for it, after one that did such work and found target.found.
   Duration pause_after(Target& target, Time now, const SearchWork& work) const;

@@ -33,7 +33,9 @@ struct RigObject {
   /// The colors of its mesh, if it is searched for or has a symmetry; null: not needed, or one
   /// color only.
   SurfaceSamples samples;
-  std::shared_ptr<const FeatureModel> features;  ///< trained; null: none
+  bool printed = false;  ///< they are those of a print: the mesh has textures
+  /// Trained by images, or else by the mesh's own textures; null: none.
+  std::shared_ptr<const FeatureModel> features;
 };
 
 /// What all cameras share: the meshes of the objects and of the static scene, and of every camera

@@ -34,6 +34,19 @@ class ColorVerifier::Impl {
     return 0;
   }
 
+  double correlation(const Rigid3& world_from_object, const Vector6& twist, Time time) const {
+    double sum = 0;
+    int shown = 0;
+    for (size_t i = 0; i < cameras_.size(); ++i) {
+      if (!frames_[i].valid) continue;
+      const double seconds = to_seconds(frames_[i].info.capture - time);
+      const double here = correlation(i, world_from_object * Rigid3::exp(twist * seconds));
+      sum += here;
+      shown += here != 0;
+    }
+    return shown > 0 ? sum / shown : 0;
+  }
+
   void compare(const ShapeSymmetry& shape_symmetry, Detection& detection) const {
     for (Observation& observation : detection.observations) {
       if (observation.hypotheses.empty() || shape_symmetry.rotations.empty()) continue;
@@ -112,6 +125,10 @@ void ColorVerifier::add_frame(CameraId camera, const Frame& frame) {
 double ColorVerifier::correlation(const Observation& observation,
                                   const Rigid3& world_from_object) const {
   return impl_->correlation(observation, world_from_object);
+}
+double ColorVerifier::correlation(const Rigid3& world_from_object, const Vector6& twist,
+                                  Time time) const {
+  return impl_->correlation(world_from_object, twist, time);
 }
 void ColorVerifier::resolve(Detection& detection) const { impl_->resolve(detection); }
 void ColorVerifier::compare(const ShapeSymmetry& shape_symmetry, Detection& detection) const {

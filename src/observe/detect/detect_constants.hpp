@@ -114,6 +114,9 @@ constexpr double kClearlyWorse = 0.1;  // correlation below that of the best pos
 constexpr double kColorsAgree = 0.35;         // correlation
 constexpr double kEvidenceWithColors = 0.75;  // of the evidence that is asked for
 constexpr double kEvidenceWithoutColors = 1.35;
+// Of a print: correlation at poses that are right 0.53 to 0.7 (a cube in a hand), 0.85 (bench), at
+// others up to 0.46; an outline that it does not refuse, and a pose that needs no outline.
+constexpr double kPrintAgrees = 0.4, kPrintConfirms = 0.5;
 constexpr double kMaxCostOfMatch = 0.5;  // -log likelihood of a feature match in the wrong place
 
 }  // namespace sightline::observe

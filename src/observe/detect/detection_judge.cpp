@@ -38,10 +38,12 @@ JudgedPose DetectionJudge::judge(PoseFit fit, const ProposedPose* proposal) cons
   out.fit = std::move(fit);
   out.proposal = proposal;
   if (proposal != nullptr) out.evidence += proposal->evidence;
+  if (proposal != nullptr && proposal->confirmed) out.evidence += options_.accept;
   return out;
 }
 
 bool DetectionJudge::acceptable(const JudgedPose& pose, size_t cameras) const {
+  if (pose.proposal != nullptr && pose.proposal->confirmed) return true;
   if (pose.proposal != nullptr && pose.proposal->evidence >= options_.accept / 2) {
     return pose.outline >= kMinCameraEvidence;
   }

@@ -49,12 +49,22 @@ Detection DetectionPolicy::by_outline(Detection detection, const ColorVerifier* 
     colors->resolve(detection);
     colors->compare(shape_symmetry_, detection);
   }
-  if (detection.poses.empty() || detection.by_contour ||
-      mean_correlation(colors, detection) >= kColorsAgree) {
-    return detection;
-  }
+  if (detection.poses.empty()) return detection;
+  const double agreement = mean_correlation(colors, detection);
+  if (printed_ && colors != nullptr && agreement < kPrintAgrees) return {};
+  if (detection.by_contour || agreement >= kColorsAgree) return detection;
   const double needed = kEvidenceWithoutColors * accept_;
   return detection.poses.front().evidence >= needed ? detection : Detection();
+}
+
+PoseProposals DetectionPolicy::confirm(PoseProposals proposals, const ColorVerifier* colors) const {
+  if (!printed_ || colors == nullptr) return proposals;
+  for (ProposedPose& pose : proposals.poses) {
+    const double agreement =
+        colors->correlation(pose.world_from_object, pose.twist, proposals.time);
+    pose.confirmed = agreement >= kPrintConfirms;
+  }
+  return proposals;
 }
 
 Detection DetectionPolicy::by_features(Detection detection, const ColorVerifier* colors) const {

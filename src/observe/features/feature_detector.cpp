@@ -103,7 +103,7 @@ class FeatureDetector::Impl {
     if (poses.empty() || !certain(views, matches, poses.front())) return out;
     for (const RigPose& pose : poses) {
       ProposedPose proposed{pose.motion.world_from_object, pose.motion.twist,
-                            evidence(pose, poses.front()),
+                            evidence(pose, poses.front()), false,
                             std::vector<PoseTermPtr>(frames_.size())};
       if (!(proposed.evidence > 0)) continue;
       for (size_t k = 0; k < views.size(); ++k) proposed.terms[cameras[k]] = pose.terms[k];

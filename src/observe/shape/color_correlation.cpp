@@ -12,6 +12,7 @@ namespace {
 constexpr size_t kMinSeen = 40;      // spots of one camera that can be compared
 constexpr float kMinFacing = 0.3f;   // cosine between normal and line of sight
 constexpr double kIndependent = 24;  // of the spots
+constexpr double kNoColor = 0.5;     // [levels^2] variance of a channel that is not there
 constexpr double kMaxAlike = 0.95;
 
 // Mean of 3 x 3 pixels; empty at the border and outside.
@@ -33,22 +34,25 @@ std::optional<Eigen::Vector3f> color_at(const std::array<PlaneView, 3>& image,
   return sum / 9;
 }
 
-// Correlation of all channels together, each about its own mean.
+// Correlation of all channels together, each about its own mean. A channel that the image does not
+// have (a gray camera) says nothing.
 double correlation(const std::vector<Eigen::Vector3f>& a, const std::vector<Eigen::Vector3f>& b) {
   Eigen::Vector3d mean_a = Eigen::Vector3d::Zero(), mean_b = Eigen::Vector3d::Zero();
   for (size_t i = 0; i < a.size(); ++i) {
     mean_a += a[i].cast<double>() / static_cast<double>(a.size());
     mean_b += b[i].cast<double>() / static_cast<double>(a.size());
   }
-  double both = 0, only_a = 0, only_b = 0;
+  Eigen::Vector3d both = Eigen::Vector3d::Zero(), only_a = both, only_b = both;
   for (size_t i = 0; i < a.size(); ++i) {
     const Eigen::Vector3d u = a[i].cast<double>() - mean_a, v = b[i].cast<double>() - mean_b;
-    both += u.dot(v);
-    only_a += u.squaredNorm();
-    only_b += v.squaredNorm();
+    both += u.cwiseProduct(v);
+    only_a += u.cwiseAbs2();
+    only_b += v.cwiseAbs2();
   }
-  const double scale = std::sqrt(only_a * only_b);
-  return scale > 1e-6 ? both / scale : 0;
+  const Eigen::Vector3d has =
+      (only_b.array() > kNoColor * static_cast<double>(a.size())).cast<double>();
+  const double scale = std::sqrt(only_a.dot(has) * only_b.dot(has));
+  return scale > 1e-6 ? both.dot(has) / scale : 0;
 }
 
 }  // namespace

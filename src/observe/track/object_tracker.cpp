@@ -7,6 +7,7 @@
 #include "observe/track/learned_appearance.hpp"
 #include "observe/track/model_tracker.hpp"
 #include "observe/track/symmetric_evidence.hpp"
+#include "observe/track/track_constants.hpp"
 #include "observe/track/tracker_camera.hpp"
 #include "sightline/base/check.hpp"
 #include "sightline/observe/terms/observation_header.hpp"
@@ -130,6 +131,12 @@ void ObjectTracker::Impl::track(State& state, const Frame& frame, const PoseAt& 
   const bool learned = state.last.learned;
   state.last = measured.result;
   state.last.learned = learned;
+  if (state.last.seen && state.object.printed &&
+      observe::print_agreement(frame, measured.fitted, camera_, state.object) <
+          observe::tuning::kPrintRefuted) {
+    state.last.seen = false;  // an outline that fits something else, or too little of the object
+    out.terms.clear();
+  }
   if (!state.last.seen) {
     appearance.note_missed(at.estimate);
     return;

@@ -14,12 +14,9 @@ namespace {
 bool add_color_costs(const Frame& frame, const std::vector<Rigid3>& poses,
                      const TrackerCamera& camera, const TrackedObject& object,
                      std::vector<double>& costs) {
-  const I420View image = frame.i420();
-  const std::array<PlaneView, 3> half = {frame.half_gray(), image.u, image.v};
   std::vector<double> correlation;
   for (const Rigid3& pose : poses) {
-    correlation.push_back(color_correlation(*object.samples, camera.camera->model,
-                                            camera.camera_from_world * pose, half));
+    correlation.push_back(print_agreement(frame, pose, camera, object));
   }
   if (*std::max_element(correlation.begin(), correlation.end()) < kMinCorrelation) return false;
   for (size_t k = 0; k < poses.size(); ++k) costs[k] += correlation_cost(correlation[k]);
@@ -43,6 +40,14 @@ bool add_texture_costs(const Frame& frame, const std::vector<Rigid3>& poses,
 }
 
 }  // namespace
+
+double print_agreement(const Frame& frame, const Rigid3& world_from_object,
+                       const TrackerCamera& camera, const TrackedObject& object) {
+  const I420View image = frame.i420();
+  return color_correlation(*object.samples, camera.camera->model,
+                           camera.camera_from_world * world_from_object,
+                           {frame.half_gray(), image.u, image.v});
+}
 
 std::vector<PoseHypothesis> compare_symmetric_poses(const Frame& frame, const Rigid3& fitted,
                                                     const TrackerCamera& camera,

@@ -10,6 +10,10 @@
 
 namespace sightline::observe {
 
+/// Correlation of the mesh's colors with the image at a pose; the object has `samples`.
+double print_agreement(const Frame& frame, const Rigid3& world_from_object,
+                       const TrackerCamera& camera, const TrackedObject& object);
+
 /// What the mesh's colors and the texture learned say of a fitted pose and of those that the shape
 /// cannot tell from it, as a cost (-log likelihood up to a constant) for each. Empty if nothing is
 /// known. `texture`: points that belong to one of the poses beyond doubt; null: none do.

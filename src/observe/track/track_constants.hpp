@@ -80,8 +80,9 @@ constexpr int kCornerGrid = 2;                         // [px] on which corners 
 constexpr int kShortestPause = 1, kLongestPause = 48;  // [frames] between searches for corners
 constexpr int kRestAfterDrop = 2;                      // [frames]
 constexpr size_t kMinPoints = 8;
-constexpr int kTexturedPoints = 12;    // from which on edges are not used
-constexpr size_t kTellingPoints = 10;  // found, for texture to tell symmetric poses apart
+constexpr int kTexturedPoints = 12;     // from which on edges are not used
+constexpr double kPrintRefuted = 0.25;  // correlation of a print that is not there
+constexpr size_t kTellingPoints = 10;   // found, for texture to tell symmetric poses apart
 constexpr double kPointLogLikelihood = 0.5;
 
 }  // namespace sightline::observe::tuning

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "sightline/base/result.hpp"
+#include "sightline/geometry/rigid3.hpp"
 #include "sightline/model/frame.hpp"
 #include "sightline/model/shape_symmetry.hpp"
 #include "sightline/observe/shape/surface_sample.hpp"
@@ -29,6 +30,10 @@ class ColorVerifier {
   /// Correlation of colors and image at a pose, -1..1, in the observation's frame; 0 if that is
   /// not its camera's newest, or shows too little.
   double correlation(const Observation& observation, const Rigid3& world_from_object) const;
+
+  /// The same of an object that moves, in the newest frame of each camera that shows it, the mean:
+  /// the pose is at `time`.
+  double correlation(const Rigid3& world_from_object, const Vector6& twist, Time time) const;
 
   /// Takes away poses whose correlation is clearly below that of the best one.
   void resolve(Detection& detection) const;

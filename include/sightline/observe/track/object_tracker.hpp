@@ -84,6 +84,7 @@ struct TrackedObject {
   DepthRendererFactory depth;         ///< for texture; empty: without
   ShapeSymmetry shape_symmetry = {};  ///< poses that the shape cannot tell apart
   SurfaceSamples samples = {};        ///< the mesh's colors, to tell them apart; null: none
+  bool printed = false;  ///< they are those of a print: where it does not show, the object is not
 };
 
 /// The static scene as one camera sees it: what hides an object.
