@@ -3,6 +3,7 @@
 """The command line program as its users run it: exit codes, accuracy on the bundled recording, determinism,
 recording and crash."""
 import csv
+import glob
 import json
 import math
 import os
@@ -117,6 +118,34 @@ class Accuracy(TemporaryFolder):
         print(f"model corners in side: median {errors[len(errors) // 2]:.2f} px, "
               f"95 % {errors[len(errors) * 95 // 100]:.2f} px")
         self.assertLessEqual(errors[len(errors) // 2], 1.0)
+
+
+class FoundFromNothing(TemporaryFolder):
+    """Small scenes that the constants of the outline search were not chosen on (docs/detection.md)."""
+
+    def follow(self, name):
+        recording, poses = f"{ROOT}/recordings/{name}", self.path("poses.csv")
+        sightline("replay", recording, "--instant-search", "--poses", poses)
+        objects = glob.glob(f"{recording}/objects/*.toml")
+        result = json.loads(
+            sightline("evaluate", f"{recording}/truth.csv", poses, "--json", "--object", *objects)[0])
+        found = result["objects"][0]
+        print(f"{name}: {found['within']} of {found['judged']} rows within 5 cm and 5 degrees, "
+              f"{found['wrong_claims']} wrong claims")
+        self.assertEqual(found["wrong_claims"], 0)
+        return found["within"] / found["judged"]
+
+    def test_small_printed_cube_before_a_gray_camera(self):
+        self.assertGreaterEqual(self.follow("graycube"), 0.9)
+
+    def test_printed_cube_that_a_hand_half_covers(self):
+        self.assertGreaterEqual(self.follow("cube"), 0.3)
+
+    def test_plain_object_on_an_empty_table(self):
+        self.assertGreaterEqual(self.follow("valve"), 0.9)
+
+    def test_tool_in_a_hand(self):
+        self.assertGreaterEqual(self.follow("drill"), 0.5)
 
 
 class Determinism(TemporaryFolder):
