@@ -15,6 +15,7 @@
 
 #include "figures.hpp"
 #include "sightline/config/object_file.hpp"
+#include "sightline/observe/detect/color_verifier.hpp"
 #include "sightline/observe/detect/object_detector.hpp"
 #include "sightline/pipeline/rig.hpp"
 #include "sightline/record/evaluate.hpp"
@@ -39,6 +40,7 @@ struct Arguments {
 struct Task {
   std::shared_ptr<const Recording> recording;
   std::unique_ptr<ObjectDetector> detector;
+  std::unique_ptr<ColorVerifier> colors;  // null: the mesh has none
   EvaluatedShape shape;
   double radius = 0;
   size_t cameras = 0;
@@ -110,11 +112,19 @@ Result<Task> prepare(const Arguments& arguments) {
     }
   }
   task.cameras = cameras.size();
+  if (object.samples) {
+    SL_ASSIGN(task.colors, ColorVerifier::create(*object.samples, cameras));
+  }
   DetectorOptions options;
   options.nearest = arguments.nearest;
   options.farthest = arguments.farthest;
   SL_ASSIGN(task.detector, ObjectDetector::create(ObjectId(0), object.views, cameras, options));
   return task;
+}
+
+// Of the mesh's colors with the images; 0 without colors.
+double agreement(const Task& task, const Rigid3& pose, Time time) {
+  return task.colors ? task.colors->correlation(pose, Vector6::Zero(), time) : 0;
 }
 
 void print_verdict(const Task& task, const Rigid3& truth, const DetectionTrace& trace,
@@ -128,8 +138,14 @@ void print_verdict(const Task& task, const Rigid3& truth, const DetectionTrace& 
   });
   const bool is_right = task.right(truth, best);
   (is_right ? totals.right : totals.wrong).push_back(poses.front().score);
-  fmt::print(" => {} {:.2f}, rival elsewhere {:.2f} of it\n", is_right ? "right" : "WRONG",
+  fmt::print(" => {} {:.2f}, rival elsewhere {:.2f} of it", is_right ? "right" : "WRONG",
              poses.front().score, rival == poses.end() ? 0.0 : rival->score / poses.front().score);
+  if (task.colors) {
+    fmt::print("; colors: truth {:.2f}, best {:.2f}, rival {:.2f}",
+               agreement(task, truth, trace.time), agreement(task, best, trace.time),
+               rival == poses.end() ? 0.0 : agreement(task, rival->world_from_object, trace.time));
+  }
+  fmt::print("\n");
 }
 
 void explain(Task& task, Totals& totals) {
@@ -175,6 +191,7 @@ Result<Totals> play(const Arguments& arguments) {
     if (!frames) break;
     for (const FramePtr& frame : *frames) {
       task.detector->add_frame(frame->info().camera, *frame);
+      if (task.colors) task.colors->add_frame(frame->info().camera, *frame);
     }
     const bool has_truth = task.truth.contains(frames->back()->info().capture);
     if (++sets < task.cameras || !has_truth || known++ % arguments.every != 0) continue;
