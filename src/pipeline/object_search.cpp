@@ -202,7 +202,8 @@ Detection ObjectSearch::look_everywhere(Target& target) {
     target.by_features = !found.poses.empty();
     if (target.by_features) return found;
   }
-  return target.policy.by_outline(target.detector->detect(), target.colors.get());
+  return target.policy.by_outline(target.detector->detect(target.colors.get()),
+                                  target.colors.get());
 }
 
 std::vector<Observation> ObjectSearch::search(Time now, std::span<const PoseTrackPtr> tracks) {

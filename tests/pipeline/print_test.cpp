@@ -7,6 +7,7 @@
 #include <fstream>
 #include <numbers>
 
+#include "observe/detect/contour_colors.hpp"
 #include "pipeline/rendered_features.hpp"
 #include "sightline/base/files.hpp"
 #include "sightline/observe/detect/detection_policy.hpp"
@@ -122,6 +123,28 @@ TEST_F(Print, AnOutlineWithoutItIsNone) {
   EXPECT_EQ(printed.by_outline(outline_at(truth_), verifier.get()).poses.size(), 1u);
   EXPECT_TRUE(printed.by_outline(outline_at(upside_down()), verifier.get()).poses.empty());
   EXPECT_EQ(plain.by_outline(outline_at(upside_down()), verifier.get()).poses.size(), 1u);
+}
+
+TEST_F(Print, ItsColorsTellOutlinesApart) {
+  const auto verifier = colors();
+  const Time time = frames_.front()->info().capture;
+  const auto outline_at = [](const Rigid3& pose, double score) {
+    observe::ContourPose out;
+    out.fit.motion.world_from_object = pose;
+    out.score = score;
+    return out;
+  };
+  std::vector<observe::ContourPose> poses = {outline_at(upside_down(), 0.70),
+                                             outline_at(truth_, 0.65)};
+  observe::weigh_by_colors(*verifier, time, poses);
+  EXPECT_EQ(poses[0].score, 0.65);
+  EXPECT_NEAR(translation_distance(poses[0].fit.motion.world_from_object, truth_), 0, 1e-12);
+  EXPECT_LT(poses[1].score, 0.75 * 0.70 + 1e-9);
+  // Colors that agree nowhere may be another paint.
+  poses = {outline_at(upside_down(), 0.70), outline_at(upside_down(), 0.60)};
+  observe::weigh_by_colors(*verifier, time, poses);
+  EXPECT_EQ(poses[0].score, 0.70);
+  EXPECT_EQ(poses[1].score, 0.60);
 }
 
 TEST_F(Print, IsKeptInTheCacheAndMadeAnewWhereThatIsDamaged) {

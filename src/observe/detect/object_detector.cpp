@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <optional>
 
+#include "observe/detect/contour_colors.hpp"
 #include "observe/detect/contour_search.hpp"
 #include "observe/detect/detect_constants.hpp"
 #include "observe/detect/detection_judge.hpp"
@@ -86,7 +87,7 @@ class ObjectDetector::Impl {
     return out;
   }
 
-  Detection detect() {
+  Detection detect(const ColorVerifier* colors) {
     Detection out;
     const bool focused = !everywhere_next_ && frames_.show_foreground();
     if (!frames_.select(focused)) return out;
@@ -116,6 +117,7 @@ class ObjectDetector::Impl {
     }
     add_rotated(judged);
     judge_.decide(frames_, judged, out);
+    if (colors != nullptr) weigh_by_colors(*colors, out.time, contours);
     const Detection by_contour = found_by_contour(contours, out.time);
     if (out.poses.empty()) {
       out = by_contour;
@@ -380,7 +382,7 @@ void ObjectDetector::add_frame(CameraId camera, const Frame& frame,
   impl_->add_frame(camera, frame, foreground);
 }
 Detection ObjectDetector::detect_at(const SearchHint& hint) { return impl_->detect_at(hint); }
-Detection ObjectDetector::detect() { return impl_->detect(); }
+Detection ObjectDetector::detect(const ColorVerifier* colors) { return impl_->detect(colors); }
 void ObjectDetector::explain(DetectionTrace& trace) { impl_->explain(trace); }
 PoseAssessment ObjectDetector::assess(const Rigid3& world_from_object) const {
   return impl_->assess(world_from_object);

@@ -8,6 +8,7 @@
 #include "sightline/base/ids.hpp"
 #include "sightline/base/result.hpp"
 #include "sightline/model/frame.hpp"
+#include "sightline/observe/detect/color_verifier.hpp"
 #include "sightline/observe/detect/detection_trace.hpp"
 #include "sightline/observe/detect/detector_options.hpp"
 #include "sightline/observe/detect/search_hint.hpp"
@@ -60,8 +61,9 @@ class ObjectDetector {
   Detection detect_at(const SearchHint& hint);
 
   /// Looks for the object in the newest frames. About 0.3 s of CPU, less where backgrounds are
-  /// known; twice that if it is not found at once.
-  Detection detect();
+  /// known; twice that if it is not found at once. `colors` of the mesh, with the same frames, help
+  /// to rank what looks like its outline; null: it has none.
+  Detection detect(const ColorVerifier* colors = nullptr);
 
   /// The search by contours in the newest frames, with what each of its stages leaves. Decides
   /// nothing.
