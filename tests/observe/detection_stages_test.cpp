@@ -6,7 +6,7 @@
 #include <numeric>
 #include <thread>
 
-#include "observe/detect/color_silhouettes.hpp"
+#include "observe/detect/colors/color_silhouettes.hpp"
 #include "observe/detect/contour_search.hpp"
 #include "observe/detect/detect_constants.hpp"
 #include "observe/detect/detection_judge.hpp"

@@ -7,7 +7,7 @@
 #include <fstream>
 #include <numbers>
 
-#include "observe/detect/contour_colors.hpp"
+#include "observe/detect/colors/contour_colors.hpp"
 #include "pipeline/rendered_features.hpp"
 #include "sightline/base/files.hpp"
 #include "sightline/observe/detect/detection_policy.hpp"

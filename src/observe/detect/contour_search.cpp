@@ -8,7 +8,7 @@
 #include <numeric>
 #include <set>
 
-#include "observe/detect/color_silhouettes.hpp"
+#include "observe/detect/colors/color_silhouettes.hpp"
 #include "observe/detect/detect_constants.hpp"
 #include "observe/detect/pixels/sector_contrast.hpp"
 

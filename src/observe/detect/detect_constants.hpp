@@ -88,7 +88,10 @@ constexpr double kMinCameraContour = 0.3;  // of a camera that shows something a
 // search and not by the first.
 constexpr double kMaxRivalEvidence = 0.93;
 constexpr double kMaxContourRival = 0.75;  // of the best, at another place
-constexpr double kOtherPlace = 1.0;        // of the radius
+// The same where the mesh has colors and the images do not show them: another paint, or another
+// thing.
+constexpr double kNoColorsAgree = 0.15, kMaxContourRivalWithoutColors = 0.6;
+constexpr double kOtherPlace = 1.0;  // of the radius
 // A score that is so much more than the best rival's is believed at once, less when a second search
 // finds the same, as far as it can have moved at these speeds [m/s, rad/s].
 constexpr double kClearContourMargin = 0.2;
@@ -111,7 +114,7 @@ constexpr size_t kMinColorSamples = 50;
 constexpr double kClearlyWorse = 0.1;  // correlation below that of the best pose
 // The colors of the mesh may be anything, so they do not refuse a pose; but where they agree with
 // the images, less of outline and edges is enough.
-constexpr double kColorsAgree = 0.35;         // correlation
+constexpr double kColorsAgree = 0.35;  // correlation
 // Poses with at least this share of the best score are compared by colors; what agrees so much less
 // than the one that agrees best counts for less. At true poses the correlation is 0.3 to 0.57 (toy,
 // kettle, drill), at the best wrong one 0.26 at most.

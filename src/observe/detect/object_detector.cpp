@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <optional>
 
-#include "observe/detect/contour_colors.hpp"
+#include "observe/detect/colors/contour_colors.hpp"
 #include "observe/detect/contour_search.hpp"
 #include "observe/detect/detect_constants.hpp"
 #include "observe/detect/detection_judge.hpp"
@@ -118,7 +118,7 @@ class ObjectDetector::Impl {
     add_rotated(judged);
     judge_.decide(frames_, judged, out);
     if (colors != nullptr) weigh_by_colors(*colors, out.time, contours);
-    const Detection by_contour = found_by_contour(contours, out.time);
+    const Detection by_contour = found_by_contour(contours, out.time, colors);
     if (out.poses.empty()) {
       out = by_contour;
     } else {
@@ -300,11 +300,23 @@ class ObjectDetector::Impl {
 
   // What stands out by little is believed when two searches have found it, or one where somebody
   // said it is.
-  Detection found_by_contour(const std::vector<ContourPose>& contours, Time time) {
+  Detection found_by_contour(const std::vector<ContourPose>& contours, Time time,
+                             const ColorVerifier* colors) {
     Detection found;
     found.time = time;
     judge_.decide_by_contour(frames_, contours, kMinContourScore, found);
     if (found.poses.empty()) return found;
+    if (colors != nullptr) {
+      const DetectedPose& best = found.poses.front();
+      const bool shown =
+          colors->correlation(best.world_from_object, best.twist, time) >= kNoColorsAgree;
+      if (!shown && found.runner_up > kMaxContourRivalWithoutColors * best.evidence) {
+        Detection none;
+        none.time = time;
+        none.runner_up = best.evidence;
+        return none;
+      }
+    }
     const bool clear = found.poses.front().evidence - found.runner_up >= kClearContourMargin;
     const bool confirmed =
         clear || as_told(found) || (weakly_found_ && consistent(*weakly_found_, found));

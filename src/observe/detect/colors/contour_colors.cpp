@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "observe/detect/contour_colors.hpp"
+#include "observe/detect/colors/contour_colors.hpp"
 
 #include <algorithm>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "observe/detect/color_silhouettes.hpp"
+#include "observe/detect/colors/color_silhouettes.hpp"
 
 #include "observe/detect/detect_constants.hpp"
 #include "observe/detect/pixels/color_foreground.hpp"
