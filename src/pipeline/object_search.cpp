@@ -247,12 +247,12 @@ std::vector<Observation> ObjectSearch::follow() {
   std::vector<Observation> out;
   for (Target& target : targets_) {
     if (target.found.poses.empty()) continue;
-    Detection now;
-    if (target.by_features) {
+    // The outline costs a fifth of the features; those are for what is covered.
+    Detection now =
+        target.policy.by_outline(target.detector->follow(target.found), target.colors.get());
+    if (now.poses.empty() && target.by_features) {
       feature_work_.near_poses += cameras_;
       now = by_features(target, target.features->propose_near(target.found));
-    } else {
-      now = target.policy.by_outline(target.detector->follow(target.found), target.colors.get());
     }
     if (now.poses.empty()) continue;  // covered or blurred for a moment: the next frames may do
     append(now, out);
