@@ -8,6 +8,7 @@
 #include <cmath>
 #include <numbers>
 #include <random>
+#include <thread>
 
 #include "print_scene.hpp"
 #include "sightline/observe/terms/reprojection_term.hpp"
@@ -455,6 +456,19 @@ TEST(FiducialObserver, AFrameOfAnotherSizeIsNotLookedAt) {
   std::vector<Observation> out;
   observer->step(*test::frame_of(gray, 320, 240, kNow), {}, out);
   EXPECT_TRUE(out.empty());
+}
+
+// The cameras of a rig are prepared side by side: cv::setNumThreads() from two threads was a crash.
+TEST(FiducialObserver, ManyAreMadeAtATime) {
+  const CalibratedCamera camera = test::test_camera();
+  std::vector<std::jthread> threads;
+  for (int i = 0; i < 8; ++i) {
+    threads.emplace_back([&] {
+      for (int k = 0; k < 2000; ++k) {
+        EXPECT_TRUE(FiducialObserver::create(camera, CameraId(0), {{ObjectId(0), tag_object()}}));
+      }
+    });
+  }
 }
 
 TEST(FiducialObserver, RefusesWhatCannotBeObserved) {

@@ -6,6 +6,7 @@
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "observe/opencv_threads.hpp"
 #include "sightline/base/log.hpp"
 
 namespace sightline::observe {
@@ -33,6 +34,7 @@ cv::Mat make_mask(const cv::Rect& box, const std::function<bool(int, int)>& use)
 
 std::vector<OrbFeature> orb_features(const PlaneView& gray, int x0, int y0, int x1, int y1, int max,
                                      const std::function<bool(int, int)>& use) {
+  keep_opencv_in_one_thread();
   std::vector<OrbFeature> features;
   try {
     const cv::Rect whole(0, 0, gray.width, gray.height);

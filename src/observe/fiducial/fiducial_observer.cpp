@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <opencv2/core/utility.hpp>
 #include <utility>
 
 #include "observe/fiducial/apriltag_detector.hpp"
@@ -13,6 +12,7 @@
 #include "observe/fiducial/fiducial_measurement.hpp"
 #include "observe/fiducial/fiducial_object.hpp"
 #include "observe/fiducial/search_region.hpp"
+#include "observe/opencv_threads.hpp"
 #include "sightline/observe/terms/observation_header.hpp"
 
 namespace sightline {
@@ -260,7 +260,7 @@ void FiducialObserver::Impl::step(const Frame& frame, std::span<const PoseTrackP
 Result<std::unique_ptr<FiducialObserver>> FiducialObserver::create(
     const CalibratedCamera& camera, CameraId id, std::vector<ObservedObject> objects,
     const FiducialOptions& options) {
-  cv::setNumThreads(1);  // threads are the daemon's; and results must not depend on their number
+  observe::keep_opencv_in_one_thread();
   auto impl = std::make_unique<Impl>(camera, id, options);
   SL_RETURN_IF_ERROR(impl->add_objects(std::move(objects)));
   return std::unique_ptr<FiducialObserver>(new FiducialObserver(std::move(impl)));
