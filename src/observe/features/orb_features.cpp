@@ -6,7 +6,7 @@
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "observe/opencv_threads.hpp"
+#include "observe/terms/opencv_threads.hpp"
 #include "sightline/base/log.hpp"
 
 namespace sightline::observe {

@@ -12,7 +12,7 @@
 #include "observe/fiducial/fiducial_measurement.hpp"
 #include "observe/fiducial/fiducial_object.hpp"
 #include "observe/fiducial/search_region.hpp"
-#include "observe/opencv_threads.hpp"
+#include "observe/terms/opencv_threads.hpp"
 #include "sightline/observe/terms/observation_header.hpp"
 
 namespace sightline {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "observe/opencv_threads.hpp"
+#include "observe/terms/opencv_threads.hpp"
 
 #include <mutex>
 #include <opencv2/core/utility.hpp>
