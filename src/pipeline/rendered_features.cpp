@@ -6,7 +6,6 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <numbers>
 #include <string>
 
@@ -99,7 +98,7 @@ class TexturedViews {
     auto image = std::make_shared<Image>(kImageSize, kImageSize);
     const MutableI420View view = image->mutable_view();
     for (const MutablePlaneView& plane : {view.y, view.u, view.v}) {
-      for (int y = 0; y < plane.height; ++y) std::memset(plane.row(y), kBackground, plane.width);
+      for (int y = 0; y < plane.height; ++y) std::fill_n(plane.row(y), plane.width, kBackground);
     }
     renderer_->draw(view, pose.time, std::span(&track, 1), poses_);
     FrameInfo info;
