@@ -27,7 +27,7 @@ constexpr double kFocal = 600;              // [px]
 constexpr int kPerImage = 150;              // the strongest, so that every side has its share
 constexpr size_t kFewest = 100;             // features with which an object can be found
 constexpr uint8_t kBackground = 128;        // a surface's features are not at its border
-constexpr std::string_view kVersion = "rendered features 3";  // with every change of what is made
+constexpr std::string_view kVersion = "rendered features 4";  // with every change of what is made
 
 // Evenly over the sphere: a spiral whose turns are as far apart as its points (Saff and Kuijlaars,
 // Distributing many points on a sphere, 1997, with the golden angle).
@@ -45,20 +45,6 @@ Rigid3 looking_at(const Eigen::Vector3d& center, const Eigen::Vector3d& from, do
   axes.col(0) = from.unitOrthogonal();
   axes.col(1) = axes.col(2).cross(axes.col(0));
   return Rigid3(Eigen::Quaterniond(axes), center + distance * from);
-}
-
-struct Ball {
-  Eigen::Vector3d center;
-  double radius;
-};
-Ball ball_about(const TriangleMesh& mesh) {
-  Eigen::AlignedBox3d box;
-  for (const auto& vertex : mesh.vertices) box.extend(vertex.template cast<double>());
-  Ball ball{box.center(), 0};
-  for (const auto& vertex : mesh.vertices) {
-    ball.radius = std::max(ball.radius, (vertex.template cast<double>() - ball.center).norm());
-  }
-  return ball;
 }
 
 // Images of the object in its own colors, alone.
@@ -119,20 +105,24 @@ class TexturedViews {
 };
 
 Result<FeatureModel> train(const TexturedObject& object, std::stop_token stop) {
-  SL_ASSIGN(const auto views, TexturedViews::create(object.mesh));
-  const Ball ball = ball_about(object.triangles);
+  RenderMesh painted = object.mesh;
+  if (painted.paint.empty()) {
+    paint_mesh(object.surface, surface_textures(object.images), painted);
+  }
+  SL_ASSIGN(const auto views,
+            TexturedViews::create(std::make_shared<const RenderMesh>(std::move(painted))));
   TrainOptions options;
   options.per_image = kPerImage;
   options.max = FeatureModel::kMax;
   FeatureTrainer trainer(mesh_content(object.triangles), options);
   for (const double diameter : kDiameters) {
-    const double distance = 2 * ball.radius * kFocal / diameter;
+    const double distance = 2 * object.views.radius() * kFocal / diameter;
     for (int i = 0; i < kDirections; ++i) {
       if (stop.stop_requested()) {
         return make_error(ErrorCode::kUnavailable, "features of a mesh",
                           "were being made when the program was told to stop");
       }
-      views->train(looking_at(ball.center, direction(i), distance).inverse(), trainer);
+      views->train(looking_at(object.views.center(), direction(i), distance).inverse(), trainer);
     }
   }
   return trainer.model();
@@ -159,12 +149,6 @@ uint64_t content_of(const TexturedObject& object) {
   return content_hash(content);
 }
 
-bool has_texture(const TexturedObject& object) {
-  return !object.mesh->paint.empty() &&
-         std::any_of(object.images.begin(), object.images.end(),
-                     [](const auto& image) { return image != nullptr; });
-}
-
 void keep(const std::filesystem::path& path, const FeatureModel& model) {
   std::error_code ignored;  // the write says what is wrong
   std::filesystem::create_directories(path.parent_path(), ignored);
@@ -175,11 +159,18 @@ void keep(const std::filesystem::path& path, const FeatureModel& model) {
 
 }  // namespace
 
+std::vector<std::shared_ptr<const SurfaceTexture>> surface_textures(const SurfaceImages& images) {
+  std::vector<std::shared_ptr<const SurfaceTexture>> out;
+  for (const auto& image : images) {
+    out.push_back(image ? std::make_shared<const SurfaceTexture>(image->view()) : nullptr);
+  }
+  return out;
+}
+
 Result<std::shared_ptr<const FeatureModel>> rendered_features(const TexturedObject& object,
                                                               const std::filesystem::path& cache,
                                                               std::stop_token stop) {
   std::shared_ptr<const FeatureModel> out;
-  if (!has_texture(object)) return out;
   const std::filesystem::path path =
       cache.empty() ? cache : cache / fmt::format("features-{:016x}", content_of(object));
   Result<FeatureModel> model = make_error(ErrorCode::kNotFound, path.string(), "is not there");

@@ -39,14 +39,6 @@ class SurfaceReader {
     return std::any_of(images_.begin(), images_.end(),
                        [](const auto& image) { return image != nullptr; });
   }
-  /// The images, ready to be drawn; after surface().
-  std::vector<std::shared_ptr<const SurfaceTexture>> textures() const {
-    std::vector<std::shared_ptr<const SurfaceTexture>> out;
-    for (const auto& image : images_) {
-      out.push_back(image ? std::make_shared<const SurfaceTexture>(image->view()) : nullptr);
-    }
-    return out;
-  }
 
  private:
   const ObjectDescription& object_;
@@ -56,7 +48,7 @@ class SurfaceReader {
 
 Status load_paint(const ObjectDescription& object, SurfaceReader& reader, RenderMesh& mesh) {
   SL_ASSIGN(const MeshSurface* surface, reader.surface());
-  paint_mesh(*surface, reader.textures(), mesh);
+  paint_mesh(*surface, surface_textures(reader.images()), mesh);
   if (mesh.paint.empty())
     log::warning("{}: has no colors; its fill is shaded in the state's", object.mesh.string());
   return {};
@@ -82,14 +74,8 @@ Result<std::shared_ptr<const FeatureModel>> features_of_texture(const RigObject&
                                                                 SurfaceReader& reader,
                                                                 const RigOptions& options) {
   SL_ASSIGN(const MeshSurface* surface, reader.surface());
-  if (surface->textures.empty()) return std::shared_ptr<const FeatureModel>();
-  std::shared_ptr<const RenderMesh> mesh = object.mesh;
-  if (mesh->paint.empty()) {
-    RenderMesh painted = *mesh;
-    paint_mesh(*surface, reader.textures(), painted);
-    mesh = std::make_shared<const RenderMesh>(std::move(painted));
-  }
-  SL_ASSIGN(auto features, rendered_features({*object.triangles, mesh, *surface, reader.images()},
+  SL_ASSIGN(auto features, rendered_features({*object.triangles, *object.mesh, *object.views,
+                                              *surface, reader.images()},
                                              options.cache, options.stop));
   if (features) {
     log::info("{}: is also found by {} features of its texture", object.description.name,
@@ -174,7 +160,7 @@ Result<RigObject> load_object(const Installation& installation, ObjectId id,
     SL_ASSIGN(object.samples, load_samples(reader));
     object.printed = object.samples && description.modalities.texture && reader.has_print();
   }
-  if (needs.searched && description.modalities.texture && !object.features) {
+  if (needs.searched && object.printed && !object.features) {
     SL_ASSIGN(object.features, features_of_texture(object, reader, options));
   }
   log_symmetry(object);

@@ -444,7 +444,7 @@ ContourPose made_contour(const Rigid3& pose, std::vector<double> cameras) {
 TEST_F(Judging, ByContourAPoseNeedsAScoreAndNoRivalElsewhere) {
   const auto decide_by_contour = [&](const std::vector<ContourPose>& poses) {
     Detection out;
-    judge.decide_by_contour(frames, poses, kMinContourScore, out);
+    judge.decide_by_contour(frames, poses, kMinContourScore, kMaxContourRival, out);
     return out;
   };
   const Detection found = decide_by_contour(

@@ -179,11 +179,9 @@ TEST_F(Print, EndsWhenItIsTold) {
   stop.request_stop();
   MeshSurface surface;
   const auto image = std::make_shared<const Image>(16, 16);
-  RenderMesh mesh = *carton().mesh;
-  mesh.paint.resize(mesh.faces.size());
   const auto made = pipeline::rendered_features(
-      {*carton().triangles, std::make_shared<const RenderMesh>(std::move(mesh)), surface, {image}},
-      {}, stop.get_token());
+      {*carton().triangles, *carton().mesh, *carton().views, surface, {image}}, {},
+      stop.get_token());
   ASSERT_FALSE(made);
   EXPECT_EQ(made.error().code, ErrorCode::kUnavailable);
 }

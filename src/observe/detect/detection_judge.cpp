@@ -106,7 +106,7 @@ void DetectionJudge::decide(const DetectorFrames& frames, std::vector<JudgedPose
 
 void DetectionJudge::decide_by_contour(const DetectorFrames& frames,
                                        const std::vector<ContourPose>& poses, double min_score,
-                                       Detection& out) const {
+                                       double max_rival, Detection& out) const {
   if (poses.empty() || poses.front().score < min_score) return;
   const ContourPose& best = poses.front();
   const Eigen::Vector3d place = best.fit.motion.world_from_object * center_;
@@ -116,7 +116,7 @@ void DetectionJudge::decide_by_contour(const DetectorFrames& frames,
         (pose.fit.motion.world_from_object * center_ - place).norm() > kOtherPlace * radius_;
     if (elsewhere) {
       out.runner_up = std::max(out.runner_up, pose.score);
-      if (pose.score > kMaxContourRival * best.score) return;
+      if (pose.score > max_rival * best.score) return;
     } else if (pose.score >= options_.margin * best.score) {
       here.push_back({pose.fit, pose.score, pose.score, 0, nullptr, pose.cameras});
     }

@@ -48,10 +48,11 @@ class DetectionJudge {
   /// all others that have about as much. `judged` is sorted.
   void decide(const DetectorFrames& frames, std::vector<JudgedPose>& judged, Detection& out) const;
 
-  /// The same by local contrast: the best pose needs at least `min_score` and a margin over what is
-  /// best at another place; poses at its own place that are about as good are possible, too.
+  /// The same by local contrast: the best pose needs at least `min_score`, and what is best at
+  /// another place may have `max_rival` of that; poses at its own place that are about as good are
+  /// possible, too.
   void decide_by_contour(const DetectorFrames& frames, const std::vector<ContourPose>& poses,
-                         double min_score, Detection& out) const;
+                         double min_score, double max_rival, Detection& out) const;
 
  private:
   /// Poses and observations of what is accepted, best first.

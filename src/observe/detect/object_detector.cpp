@@ -206,7 +206,8 @@ class ObjectDetector::Impl {
     if (!out.poses.empty()) {
       out.by_contour = earlier.by_contour;
     } else if (earlier.by_contour) {
-      judge_.decide_by_contour(frames_, contours_.fit(frames_, starts), kMinFollowedContour, out);
+      judge_.decide_by_contour(frames_, contours_.fit(frames_, starts), kMinFollowedContour,
+                               kMaxContourRival, out);
     }
     measure_twists(earlier, out);
     return out;
@@ -304,19 +305,15 @@ class ObjectDetector::Impl {
                              const ColorVerifier* colors) {
     Detection found;
     found.time = time;
-    judge_.decide_by_contour(frames_, contours, kMinContourScore, found);
+    if (contours.empty()) return found;
+    const RigMotion& best = contours.front().fit.motion;
+    const bool other_colors =
+        colors != nullptr &&
+        colors->correlation(best.world_from_object, best.twist, time) < kNoColorsAgree;
+    judge_.decide_by_contour(frames_, contours, kMinContourScore,
+                             other_colors ? kMaxContourRivalWithoutColors : kMaxContourRival,
+                             found);
     if (found.poses.empty()) return found;
-    if (colors != nullptr) {
-      const DetectedPose& best = found.poses.front();
-      const bool shown =
-          colors->correlation(best.world_from_object, best.twist, time) >= kNoColorsAgree;
-      if (!shown && found.runner_up > kMaxContourRivalWithoutColors * best.evidence) {
-        Detection none;
-        none.time = time;
-        none.runner_up = best.evidence;
-        return none;
-      }
-    }
     const bool clear = found.poses.front().evidence - found.runner_up >= kClearContourMargin;
     const bool confirmed =
         clear || as_told(found) || (weakly_found_ && consistent(*weakly_found_, found));

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
-#include <vector>
 
 namespace sightline::observe {
 namespace {
@@ -34,26 +33,33 @@ std::optional<Eigen::Vector3f> color_at(const std::array<PlaneView, 3>& image,
   return sum / 9;
 }
 
-// Correlation of all channels together, each about its own mean. A channel that the image does not
-// have (a gray camera) says nothing.
-double correlation(const std::vector<Eigen::Vector3f>& a, const std::vector<Eigen::Vector3f>& b) {
-  Eigen::Vector3d mean_a = Eigen::Vector3d::Zero(), mean_b = Eigen::Vector3d::Zero();
-  for (size_t i = 0; i < a.size(); ++i) {
-    mean_a += a[i].cast<double>() / static_cast<double>(a.size());
-    mean_b += b[i].cast<double>() / static_cast<double>(a.size());
+// Correlation of two sets of colors, all channels together, each about its own mean. A channel that
+// the image does not have (a gray camera) says nothing. Sums only: it runs in every frame.
+class Correlation {
+ public:
+  void add(const Eigen::Vector3f& painted, const Eigen::Vector3f& shown) {
+    const Eigen::Array3d a = painted.cast<double>(), b = shown.cast<double>();
+    a_ += a;
+    b_ += b;
+    ab_ += a * b;
+    aa_ += a * a;
+    bb_ += b * b;
+    ++count_;
   }
-  Eigen::Vector3d both = Eigen::Vector3d::Zero(), only_a = both, only_b = both;
-  for (size_t i = 0; i < a.size(); ++i) {
-    const Eigen::Vector3d u = a[i].cast<double>() - mean_a, v = b[i].cast<double>() - mean_b;
-    both += u.cwiseProduct(v);
-    only_a += u.cwiseAbs2();
-    only_b += v.cwiseAbs2();
+  size_t count() const { return count_; }
+  double value() const {
+    const auto n = static_cast<double>(count_);
+    const Eigen::Array3d shown = bb_ - b_ * b_ / n;
+    const Eigen::Array3d has = (shown > kNoColor * n).cast<double>();
+    const double painted = ((aa_ - a_ * a_ / n) * has).sum();
+    const double scale = std::sqrt(std::max(0.0, painted * (shown * has).sum()));
+    return scale > 1e-6 ? ((ab_ - a_ * b_ / n) * has).sum() / scale : 0;
   }
-  const Eigen::Vector3d has =
-      (only_b.array() > kNoColor * static_cast<double>(a.size())).cast<double>();
-  const double scale = std::sqrt(only_a.dot(has) * only_b.dot(has));
-  return scale > 1e-6 ? both.dot(has) / scale : 0;
-}
+
+ private:
+  Eigen::Array3d a_ = Eigen::Array3d::Zero(), b_ = a_, ab_ = a_, aa_ = a_, bb_ = a_;
+  size_t count_ = 0;
+};
 
 }  // namespace
 
@@ -61,7 +67,7 @@ double color_correlation(std::span<const SurfaceSample> samples, const CameraMod
                          const Rigid3& camera_from_object,
                          const std::array<PlaneView, 3>& half_size) {
   const Eigen::Vector3f eye = camera_from_object.inverse().translation.cast<float>();
-  std::vector<Eigen::Vector3f> painted, shown;
+  Correlation correlation;
   for (const SurfaceSample& spot : samples) {
     const Eigen::Vector3f sight = eye - spot.point;
     if (sight.dot(spot.normal) < kMinFacing * sight.norm()) continue;
@@ -69,11 +75,9 @@ double color_correlation(std::span<const SurfaceSample> samples, const CameraMod
     if (!pixel) continue;
     const Eigen::Vector2d half = (*pixel + Eigen::Vector2d::Constant(0.5)) / 2;
     const auto color = color_at(half_size, half - Eigen::Vector2d::Constant(0.5));
-    if (!color) continue;
-    painted.push_back(spot.color);
-    shown.push_back(*color);
+    if (color) correlation.add(spot.color, *color);
   }
-  return painted.size() >= kMinSeen ? correlation(painted, shown) : 0;
+  return correlation.count() >= kMinSeen ? correlation.value() : 0;
 }
 
 double correlation_cost(double correlation) {
