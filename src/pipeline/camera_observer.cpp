@@ -5,6 +5,7 @@
 #include <iterator>
 
 #include "sightline/pipeline/mesh_depth_renderer.hpp"
+#include "sightline/pipeline/mesh_print_renderer.hpp"
 #include "sightline/pipeline/rig_parts.hpp"
 
 namespace sightline {
@@ -15,10 +16,12 @@ std::vector<TrackedObject> tracked_objects(const Rig& rig, CameraId camera) {
   for (const RigObject& object : rig.objects) {
     if (!object.description.modalities.appearance()) continue;
     const bool symmetric = !object.shape_symmetry.rotations.empty();
+    const auto& geometry = rig.cameras[camera.index()];
     objects.push_back({object.named.id, object.views, object.description.modalities,
-                       mesh_depth_renderer_factory(object.mesh, rig.cameras[camera.index()]),
-                       object.shape_symmetry,
-                       symmetric || object.printed ? object.samples : nullptr, object.printed});
+                       mesh_depth_renderer_factory(object.mesh, geometry), object.shape_symmetry,
+                       symmetric || object.printed ? object.samples : nullptr, object.printed,
+                       object.printed ? mesh_print_renderer_factory(object.painted, geometry)
+                                      : PrintRendererFactory()});
   }
   return objects;
 }

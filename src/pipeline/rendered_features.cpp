@@ -105,12 +105,7 @@ class TexturedViews {
 };
 
 Result<FeatureModel> train(const TexturedObject& object, std::stop_token stop) {
-  RenderMesh painted = object.mesh;
-  if (painted.paint.empty()) {
-    paint_mesh(object.surface, surface_textures(object.images), painted);
-  }
-  SL_ASSIGN(const auto views,
-            TexturedViews::create(std::make_shared<const RenderMesh>(std::move(painted))));
+  SL_ASSIGN(const auto views, TexturedViews::create(object.painted));
   TrainOptions options;
   options.per_image = kPerImage;
   options.max = FeatureModel::kMax;

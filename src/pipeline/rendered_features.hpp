@@ -20,7 +20,7 @@ namespace sightline::pipeline {
 /// What an object is trained by; `images` are the textures of `surface`, one at least.
 struct TexturedObject {
   const TriangleMesh& triangles;
-  const RenderMesh& mesh;  ///< of them, painted or not
+  const std::shared_ptr<const RenderMesh>& painted;  ///< of them
   const ViewpointModel& views;
   const MeshSurface& surface;
   const SurfaceImages& images;

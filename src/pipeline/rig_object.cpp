@@ -54,6 +54,16 @@ Status load_paint(const ObjectDescription& object, SurfaceReader& reader, Render
   return {};
 }
 
+// The mesh itself if it has its colors already.
+Result<std::shared_ptr<const RenderMesh>> painted_mesh(
+    SurfaceReader& reader, const std::shared_ptr<const RenderMesh>& mesh) {
+  if (!mesh->paint.empty()) return mesh;
+  SL_ASSIGN(const MeshSurface* surface, reader.surface());
+  RenderMesh painted = *mesh;
+  paint_mesh(*surface, surface_textures(reader.images()), painted);
+  return std::make_shared<const RenderMesh>(std::move(painted));
+}
+
 // What an object was trained belongs to its mesh; null if it was trained nothing.
 Result<std::shared_ptr<const FeatureModel>> load_features(const ObjectDescription& object,
                                                           const TriangleMesh& mesh) {
@@ -74,7 +84,7 @@ Result<std::shared_ptr<const FeatureModel>> features_of_texture(const RigObject&
                                                                 SurfaceReader& reader,
                                                                 const RigOptions& options) {
   SL_ASSIGN(const MeshSurface* surface, reader.surface());
-  SL_ASSIGN(auto features, rendered_features({*object.triangles, *object.mesh, *object.views,
+  SL_ASSIGN(auto features, rendered_features({*object.triangles, object.painted, *object.views,
                                               *surface, reader.images()},
                                              options.cache, options.stop));
   if (features) {
@@ -159,6 +169,9 @@ Result<RigObject> load_object(const Installation& installation, ObjectId id,
   if (needs.searched || !object.shape_symmetry.rotations.empty()) {
     SL_ASSIGN(object.samples, load_samples(reader));
     object.printed = object.samples && description.modalities.texture && reader.has_print();
+    if (object.printed) {
+      SL_ASSIGN(object.painted, painted_mesh(reader, object.mesh));
+    }
   }
   if (needs.searched && object.printed && !object.features) {
     SL_ASSIGN(object.features, features_of_texture(object, reader, options));

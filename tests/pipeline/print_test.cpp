@@ -12,6 +12,9 @@
 #include "sightline/base/files.hpp"
 #include "sightline/observe/detect/detection_policy.hpp"
 #include "sightline/observe/features/feature_detector.hpp"
+#include "sightline/pipeline/camera_observer.hpp"
+#include "sightline/pipeline/mesh_depth_renderer.hpp"
+#include "sightline/pipeline/mesh_print_renderer.hpp"
 #include "sightline/pipeline/rig.hpp"
 #include "sightline/record/evaluate.hpp"
 #include "sightline/record/replay.hpp"
@@ -68,6 +71,45 @@ class Print : public testing::Test {
     return truth_ *
            Rigid3(Eigen::Quaterniond(Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitX())),
                   Eigen::Vector3d::Zero());
+  }
+
+  /// The pose that all cameras together measure about a proposed one; `edit` may change a frame.
+  struct Measured {
+    PoseError error;
+    int cameras = 0, by_print_alone = 0;
+  };
+  template <typename Edit>
+  static Measured measure_about(const Rigid3& proposed, const Edit& edit) {
+    const Installation installation = unmarked();
+    Matrix6 covariance = Matrix6::Identity() * 1e-3;
+    covariance.diagonal().tail<3>().setConstant(4e-4);
+    Matrix6 information = Matrix6::Identity() * 1e-6;
+    std::vector<PoseTermPtr> terms;
+    Measured out;
+    for (const FramePtr& frame : frames_) {
+      const CameraId id = frame->info().camera;
+      const auto observer = CameraObserver::create(installation, *rig_, id).value();
+      const FramePtr seen = edit(frame);
+      const Observation observation =
+          observer->tracker().propose(*seen, ObjectId(0), proposed, covariance);
+      if (observation.terms.empty()) continue;
+      ++out.cameras;
+      out.by_print_alone += observer->tracker().last_result(0).by_print_alone ? 1 : 0;
+      terms.insert(terms.end(), observation.terms.begin(), observation.terms.end());
+    }
+    Rigid3 pose = proposed;
+    for (int i = 0; i < 5; ++i) {
+      information = Matrix6::Identity() * 1e-6;
+      Vector6 gradient = Vector6::Zero();
+      for (const PoseTermPtr& term : terms) {
+        const LinearizedTerm at = term->linearize(pose);
+        information += at.information;
+        gradient += at.gradient;
+      }
+      pose = pose * Rigid3::exp(-information.ldlt().solve(gradient));
+    }
+    out.error = pose_error(truth_, pose);
+    return out;
   }
 
   static inline std::unique_ptr<Rig> rig_;
@@ -166,6 +208,76 @@ TEST_F(Print, IsKeptInTheCacheAndMadeAnewWhereThatIsDamaged) {
   std::filesystem::remove_all(cache);
 }
 
+TEST_F(Print, IsRenderedWhereTheDepthIs) {
+  const CameraModel& camera = cameras_[0].calibration.model;
+  const auto print = mesh_print_renderer_factory(carton().painted)(camera);
+  const auto depth = mesh_depth_renderer_factory(carton().mesh)(camera);
+  const Rigid3 pose = cameras_[0].calibration.world_from_camera.inverse() * truth_;
+  const PrintTile tile = print->render(pose);
+  const DepthTile only = depth->render(pose);
+  ASSERT_GT(tile.depth.width, 50);
+  ASSERT_EQ(tile.depth.width, only.width);
+  ASSERT_EQ(tile.depth.height, only.height);
+  int least = 255, most = 0;
+  for (int y = 0; y < only.height; ++y) {
+    for (int x = 0; x < only.width; ++x) {
+      ASSERT_EQ(tile.depth.row(y)[x], only.row(y)[x]);
+      if (!(only.row(y)[x] > 0)) continue;
+      const int luma = tile.luma[y * tile.luma_stride + x];
+      least = std::min(least, luma);
+      most = std::max(most, luma);
+    }
+  }
+  EXPECT_GT(most - least, 80) << "black and white are printed on it";
+  EXPECT_EQ(print->render(Rigid3(Eigen::Quaterniond::Identity(), {0, 0, -1})).depth.width, 0);
+}
+
+// A white rim beside a light wall pulls its outline by two pixels; its print does not move.
+TEST_F(Print, SaysWhereItIsFromBeside) {
+  const auto as_it_is = [](const FramePtr& frame) { return frame; };
+  for (const double depth : {-0.02, 0.0, 0.02}) {
+    Vector6 off;
+    off << 0.02, -0.02, 0.02, 0.004, depth, -0.004;
+    const Measured measured = measure_about(truth_ * Rigid3::exp(off), as_it_is);
+    EXPECT_GE(measured.cameras, 2);
+    EXPECT_EQ(measured.by_print_alone, 0);
+    EXPECT_LT(measured.error.mm, 2) << depth;
+    EXPECT_LT(measured.error.deg, 1) << depth;
+  }
+}
+
+TEST_F(Print, HoldsItWhereNoOutlineShows) {
+  const auto uncover_the_middle = [](const FramePtr& frame) {
+    const CalibratedCamera& camera = cameras_[frame->info().camera.index()].calibration;
+    const auto middle = camera.model.project(camera.world_from_camera.inverse() * truth_ *
+                                             carton().views->center());
+    auto image = std::make_shared<Image>(frame->info().width, frame->info().height);
+    frame->copy_i420_to(image->mutable_view());
+    const MutablePlaneView luma = image->mutable_view().y;
+    const double reach = 0.42 * camera.model.parameters().fx * carton().views->radius() /
+                         (camera.world_from_camera.inverse() * truth_.translation).norm();
+    for (int y = 0; y < luma.height; ++y) {
+      for (int x = 0; x < luma.width; ++x) {
+        if ((*middle - Eigen::Vector2d(x, y)).cwiseAbs().maxCoeff() < reach) continue;
+        luma.row(y)[x] = 120;
+        image->mutable_view().u.row(y / 2)[x / 2] = 128;
+        image->mutable_view().v.row(y / 2)[x / 2] = 128;
+      }
+    }
+    return Frame::decoded(frame->info(), image);
+  };
+  const Measured measured = measure_about(truth_, uncover_the_middle);
+  EXPECT_GE(measured.by_print_alone, 1);
+  EXPECT_LT(measured.error.mm, 5);
+  const auto cover_all = [](const FramePtr& frame) {
+    auto image = std::make_shared<Image>(frame->info().width, frame->info().height);
+    const MutablePlaneView luma = image->mutable_view().y;
+    for (int y = 0; y < luma.height; ++y) std::fill_n(luma.row(y), luma.width, uint8_t{120});
+    return Frame::decoded(frame->info(), image);
+  };
+  EXPECT_EQ(measure_about(truth_, cover_all).cameras, 0);
+}
+
 TEST_F(Print, IsNotAskedOfWhatIsNotMeasuredByTexture) {
   Installation installation = unmarked();
   installation.objects.front().description.modalities.texture = false;
@@ -180,7 +292,7 @@ TEST_F(Print, EndsWhenItIsTold) {
   MeshSurface surface;
   const auto image = std::make_shared<const Image>(16, 16);
   const auto made = pipeline::rendered_features(
-      {*carton().triangles, *carton().mesh, *carton().views, surface, {image}}, {},
+      {*carton().triangles, carton().painted, *carton().views, surface, {image}}, {},
       stop.get_token());
   ASSERT_FALSE(made);
   EXPECT_EQ(made.error().code, ErrorCode::kUnavailable);

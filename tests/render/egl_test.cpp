@@ -10,9 +10,9 @@
 #include "render/gpu/egl_device.hpp"
 #include "render/overlay_scene.hpp"
 #include "render/random_scenes.hpp"
-#include "render/raster/surface_shader.hpp"
 #include "render/test_images.hpp"
 #include "sightline/render/gpu/raster_device.hpp"
+#include "sightline/render/raster/surface_shader.hpp"
 
 namespace sightline {
 namespace {

@@ -11,11 +11,11 @@
 #include "render/overlay_scene.hpp"
 #include "render/random_scenes.hpp"
 #include "render/raster/face_planes.hpp"
-#include "render/raster/surface_shader.hpp"
 #include "render/test_images.hpp"
 #include "sightline/render/mesh/level_of_detail.hpp"
 #include "sightline/render/mesh/mesh_paint.hpp"
 #include "sightline/render/raster/raster.hpp"
+#include "sightline/render/raster/surface_shader.hpp"
 
 namespace sightline {
 namespace {

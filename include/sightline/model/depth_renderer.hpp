@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <memory>
 
@@ -40,5 +41,21 @@ class DepthRenderer {
 
 /// Makes a renderer of one mesh for any camera; daemon/ and cli/ make the factory. Any thread.
 using DepthRendererFactory = std::function<std::unique_ptr<DepthRenderer>(const CameraModel&)>;
+
+/// The same of a mesh with textures, and what these look like there.
+struct PrintTile {
+  DepthTile depth;
+  const uint8_t* luma = nullptr;  ///< at depth's pixels; without meaning where no surface is
+  ptrdiff_t luma_stride = 0;      ///< bytes from row to row
+};
+
+/// As DepthRenderer, with the mesh's own textures.
+class PrintRenderer {
+ public:
+  virtual ~PrintRenderer() = default;
+  virtual PrintTile render(const Rigid3& camera_from_object) = 0;
+};
+
+using PrintRendererFactory = std::function<std::unique_ptr<PrintRenderer>(const CameraModel&)>;
 
 }  // namespace sightline

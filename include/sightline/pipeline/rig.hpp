@@ -33,7 +33,8 @@ struct RigObject {
   /// The colors of its mesh, if it is searched for or has a symmetry; null: not needed, or one
   /// color only.
   SurfaceSamples samples;
-  bool printed = false;  ///< they are those of a print: the mesh has textures
+  bool printed = false;                       ///< they are those of a print: the mesh has textures
+  std::shared_ptr<const RenderMesh> painted;  ///< then, the mesh with them
   /// Trained by images, or else by the mesh's own textures; null: none.
   std::shared_ptr<const FeatureModel> features;
 };

@@ -92,7 +92,7 @@ void LearnedAppearance::note_seen(const Frame& frame, const PlacedOutline& outli
     collect_local_colors(ColorReader(frame.i420()), outline.lines(), outline.center(),
                          tuning::kLearnGapPx, tuning::kLearnReachPx, pending_.counts);
   }
-  if (texture_) {
+  if (texture_ && !result.by_print) {
     const Eigen::AlignedBox2d box = outline.bounds();
     texture_->note_candidates(frame.gray(), static_cast<int>(box.min().x()),
                               static_cast<int>(box.min().y()), static_cast<int>(box.max().x()),

@@ -18,7 +18,9 @@ ModelTracker::ModelTracker(const TrackerCamera& camera, const TrackedObject& obj
       fit_(camera),
       region_(camera),
       edges_(camera),
-      texture_(camera) {}
+      texture_(camera) {
+  if (object.print) print_ = std::make_unique<PrintPoints>(camera.camera->model, object.print);
+}
 
 // By the object's colors as a whole.
 OutlineAgreement ModelTracker::by_all_colors(const Look& look, const ColorHistograms* known) {
@@ -117,8 +119,30 @@ ModelTracker::Measurement ModelTracker::measure(const Frame& frame, const Predic
   result.local_colors = agreement.local;
   result.edge_support = agreement.edge_support;
   result.seen = agreement.seen;
-  if (result.seen) make_terms(frame, prior, prediction, agreement, learned.texture, out, terms);
+  if (result.seen) {
+    make_terms(frame, prior, prediction, agreement, learned.texture, out, terms);
+    return out;
+  }
+  // Its outline may be covered, by a hand for instance.
+  const Rigid3& pose = prediction.world_from_object;
+  PoseTermPtr print = measure_print(frame, prior, pose, prediction.ambiguous, result);
+  if (print && result.points_used >= tuning::kTexturedPoints) {
+    out.fitted = texture_.pose();
+    result.seen = result.by_print_alone = true;
+    terms.push_back(std::move(print));
+  }
   return out;
+}
+
+PoseTermPtr ModelTracker::measure_print(const Frame& frame, const PosePrior& prior,
+                                        const Rigid3& pose, bool ambiguous,
+                                        ObjectTracker::TrackResult& result) {
+  if (!print_) return nullptr;
+  TexturePoints& points = print_->around(camera_.camera_from_world * pose);
+  PoseTermPtr term = texture_.measure(frame.gray(), prior, pose, outline_.occluders(), ambiguous,
+                                      camera_.options.print_error, points, result.points_used);
+  result.by_print = term != nullptr;
+  return term;
 }
 
 void ModelTracker::make_terms(const Frame& frame, const PosePrior& prior,
@@ -127,12 +151,17 @@ void ModelTracker::make_terms(const Frame& frame, const PosePrior& prior,
                               std::vector<PoseTermPtr>& terms) {
   ObjectTracker::TrackResult& result = out.result;
   out.fitted = outline_.pose() * Rigid3::exp(agreement.step);
-  if (texture != nullptr) {
-    PoseTermPtr term = texture_.measure(frame.gray(), prior, out.fitted, outline_.occluders(),
-                                        prediction.ambiguous, *texture, result.points_used);
-    if (term) terms.push_back(std::move(term));
+  PoseTermPtr points = measure_print(frame, prior, out.fitted, prediction.ambiguous, result);
+  if (!points && texture != nullptr) {
+    points = texture_.measure(frame.gray(), prior, out.fitted, outline_.occluders(),
+                              prediction.ambiguous, camera_.options.texture_error, *texture,
+                              result.points_used);
   }
-  if (object_.modalities.region) terms.push_back(region_.term(outline_, agreement));
+  if (points) terms.push_back(std::move(points));
+  // Where the print is in place, the outline adds its own errors only: a white rim before a white
+  // wall pulls it by pixels.
+  const bool placed = result.by_print && result.points_used >= tuning::kTexturedPoints;
+  if (object_.modalities.region && !placed) terms.push_back(region_.term(outline_, agreement));
   // On a textured object most steps of brightness are texture.
   if (object_.modalities.edge && result.points_used < tuning::kTexturedPoints) {
     const EdgeResult edges = edges_.measure(frame.gray(), prior, outline_, agreement, terms);

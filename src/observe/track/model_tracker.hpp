@@ -8,6 +8,7 @@
 #include "observe/track/edge_measurement.hpp"
 #include "observe/track/outline_fit.hpp"
 #include "observe/track/placed_outline.hpp"
+#include "observe/track/print_points.hpp"
 #include "observe/track/region_measurement.hpp"
 #include "observe/track/texture_measurement.hpp"
 
@@ -22,7 +23,7 @@ struct Prediction {
 
 /// One object in one camera: fits the outline around a predicted pose, judges whether the image
 /// shows the object there, and makes the terms. The prediction only places lines; what is handed
-/// out is the likelihood alone. Nothing but buffers is kept from frame to frame.
+/// out is the likelihood alone. Nothing is learned of a frame.
 class ModelTracker {
  public:
   ModelTracker(const TrackerCamera& camera, const TrackedObject& object);
@@ -61,6 +62,10 @@ class ModelTracker {
   OutlineAgreement by_local_colors(const Look& look, const LocalColors* known);
   /// From where the outline is placed, off by about `spread_px`.
   OutlineAgreement judge_locally(const Look& look, double spread_px, const LocalColors* known);
+  /// Points of the mesh's print around a pose (world_from_object); null without a print, or if too
+  /// few agree.
+  PoseTermPtr measure_print(const Frame& frame, const PosePrior& prior, const Rigid3& pose,
+                            bool ambiguous, ObjectTracker::TrackResult& result);
   void make_terms(const Frame& frame, const PosePrior& prior, const Prediction& prediction,
                   const OutlineAgreement& agreement, TexturePoints* texture, Measurement& out,
                   std::vector<PoseTermPtr>& terms);
@@ -72,6 +77,7 @@ class ModelTracker {
   RegionMeasurement region_;
   EdgeMeasurement edges_;
   TextureMeasurement texture_;
+  std::unique_ptr<PrintPoints> print_;  ///< null: the mesh has none
   const LocalColors nothing_local_;
 };
 

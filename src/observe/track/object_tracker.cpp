@@ -147,6 +147,7 @@ void ObjectTracker::Impl::track(State& state, const Frame& frame, const PoseAt& 
         frame, measured.fitted, camera_, state.object, outline.occluders(),
         certain ? appearance.texture() : nullptr);
   }
+  if (state.last.by_print_alone) return;
   appearance.note_seen(frame, outline, measured.aspect, measured.result, stale);
 }
 

@@ -13,7 +13,8 @@ using namespace tuning;
 
 PoseTermPtr TextureMeasurement::measure(const PlaneView& gray, const PosePrior& prior,
                                         const Rigid3& fitted, const Occluders& occluders,
-                                        bool ambiguous, TexturePoints& points, int& used) {
+                                        bool ambiguous, const ViewError& error,
+                                        TexturePoints& points, int& used) {
   const TrackerOptions& options = camera_.options;
   const Rigid3 camera_from_object = camera_.camera_from_world * fitted;
   points.find(gray, camera_from_object, occluders, ambiguous);
@@ -34,6 +35,7 @@ PoseTermPtr TextureMeasurement::measure(const PlaneView& gray, const PosePrior& 
   }
   const Vector6 step =
       fit_lines(residuals_, prior.information, prior.offset_of(fitted), options.huber);
+  pose_ = fitted * Rigid3::exp(step);
   const double scale = std::max(1.0, residual_scale(residuals_, step, scratch_));
   const double sigma = scale * options.texture_floor_px;
   if (sigma > options.max_texture_noise_px) return nullptr;
@@ -48,8 +50,8 @@ PoseTermPtr TextureMeasurement::measure(const PlaneView& gray, const PosePrior& 
   }
   used = static_cast<int>(matches.size());
   if (matches.size() < kMinPoints) return nullptr;
-  return std::make_shared<ReprojectionTerm>(camera_.owner, std::move(matches), options.huber,
-                                            options.texture_error, "texture");
+  return std::make_shared<ReprojectionTerm>(camera_.owner, std::move(matches), options.huber, error,
+                                            "texture");
 }
 
 }  // namespace sightline::observe

@@ -47,7 +47,12 @@ float corner_strength(const PlaneView& gray, int x, int y) {
 }  // namespace
 
 TexturePoints::TexturePoints(const CameraModel& camera, const DepthRendererFactory& factory)
-    : camera_(camera), renderer_(factory ? factory(camera) : nullptr) {
+    : TexturePoints(camera, {kMinPatchCorrelation, kMinCornerStrength}) {
+  if (factory) renderer_ = factory(camera);
+}
+
+TexturePoints::TexturePoints(const CameraModel& camera, const Limits& limits)
+    : camera_(camera), limits_(limits) {
   points_.reserve(kMax);
   candidates_.reserve(kMaxCandidates);
   found_.reserve(kPerFrame);
@@ -102,7 +107,7 @@ bool TexturePoints::align(const PlaneView& gray, const Point& point, const Eigen
     const Eigen::Vector2d step = -step_from_slope * (back.transpose() * slope);
     pixel += step.norm() > 1.5 ? Eigen::Vector2d(1.5 * step.normalized()) : step;
     if (step.norm() < kConvergedPx)
-      return product > kMinPatchCorrelation * point.norm * std::sqrt(squares);
+      return product > limits_.correlation * point.norm * std::sqrt(squares);
   }
   return false;
 }
@@ -165,6 +170,28 @@ void TexturePoints::note_candidates(const PlaneView& gray, int left, int top, in
   right = std::min(right, gray.width - 1 - kMargin);
   bottom = std::min(bottom, gray.height - 1 - kMargin);
   if (left >= right || top >= bottom) return;
+  find_corners(gray, left, top, right, bottom, nullptr, kMaxCandidates);
+}
+
+namespace {
+
+bool on_surface(const DepthTile& depth, int tile_x, int tile_y) {
+  constexpr int kReach = TexturePoints::kRadius + 1;
+  for (const int dy : {-kReach, 0, kReach}) {
+    const float* const row = depth.row(tile_y + dy);
+    for (const int dx : {-kReach, 0, kReach}) {
+      if (!(row[tile_x + dx] > 0)) return false;
+    }
+  }
+  return true;
+}
+
+}  // namespace
+
+void TexturePoints::find_corners(const PlaneView& gray, int left, int top, int right, int bottom,
+                                 const DepthTile* surface, size_t max) {
+  const int origin_x = surface != nullptr ? surface->x : 0;
+  const int origin_y = surface != nullptr ? surface->y : 0;
   const int columns = (right - left) / kCornerGrid + 1, rows = (bottom - top) / kCornerGrid + 1;
   strengths_.assign(static_cast<size_t>(columns * rows), 0.0f);
   const auto strength = [&](int i, int j) -> float& {
@@ -172,21 +199,23 @@ void TexturePoints::note_candidates(const PlaneView& gray, int left, int top, in
   };
   for (int j = 0; j < rows; ++j) {
     for (int i = 0; i < columns; ++i) {
-      strength(i, j) = corner_strength(gray, left + i * kCornerGrid, top + j * kCornerGrid);
+      const int x = left + i * kCornerGrid, y = top + j * kCornerGrid;
+      if (surface != nullptr && !on_surface(*surface, x, y)) continue;
+      strength(i, j) = corner_strength(gray, x, y);
     }
   }
   // The strongest of the grid first, as long as they keep their distance.
-  while (candidates_.size() < kMaxCandidates) {
+  while (candidates_.size() < max) {
     const auto best = std::max_element(strengths_.begin(), strengths_.end());
-    if (*best < kMinCornerStrength) break;
+    if (*best < limits_.corner_strength) break;
     const int at = static_cast<int>(best - strengths_.begin());
     const int x = left + at % columns * kCornerGrid, y = top + at / columns * kCornerGrid;
     const float value = *best;
     *best = 0;
-    if (crowded(Eigen::Vector2d(x, y))) continue;
+    if (crowded(Eigen::Vector2d(origin_x + x, origin_y + y))) continue;
     Candidate& candidate = candidates_.emplace_back();
-    candidate.x = x;
-    candidate.y = y;
+    candidate.x = origin_x + x;
+    candidate.y = origin_y + y;
     candidate.strength = value;
     size_t i = 0;
     for (int v = -kRadius; v <= kRadius; ++v) {
@@ -275,7 +304,21 @@ void TexturePoints::drop_candidates() {
 
 void TexturePoints::keep_candidates(const Rigid3& camera_from_object) {
   if (candidates_.empty() || !renderer_) return;
-  const DepthTile depth = renderer_->render(camera_from_object);
+  make_points(renderer_->render(camera_from_object), camera_from_object);
+}
+
+void TexturePoints::take(const PlaneView& rendered, const DepthTile& depth,
+                         const Rigid3& camera_from_object) {
+  constexpr int kMargin = kRadius + 2;
+  candidates_.clear();
+  found_.clear();
+  const int right = depth.width - 1 - kMargin, bottom = depth.height - 1 - kMargin;
+  if (right <= kMargin || bottom <= kMargin) return;
+  find_corners(rendered, kMargin, kMargin, right, bottom, &depth, kPerFrame);
+  make_points(depth, camera_from_object);
+}
+
+void TexturePoints::make_points(const DepthTile& depth, const Rigid3& camera_from_object) {
   const Rigid3 object_from_camera = camera_from_object.inverse();
   for (const Candidate& candidate : candidates_) {
     if (points_.size() >= kMax) break;

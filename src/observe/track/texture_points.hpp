@@ -25,7 +25,14 @@ class TexturePoints {
   static constexpr size_t kEnough = 24;    ///< found in an image, so that no new ones are needed
   static constexpr size_t kPerFrame = 48;  ///< tried in an image
 
+  /// Without a factory nothing is learned from images.
   TexturePoints(const CameraModel& camera, const DepthRendererFactory& factory);
+  struct Limits {
+    float correlation;      ///< least of a patch that is found, normalized
+    float corner_strength;  ///< least eigenvalue of the mean gradient squares
+  };
+  /// For take().
+  TexturePoints(const CameraModel& camera, const Limits& limits);
 
   /// Searches the kept points around where `camera_from_object` puts them. Those that are missed
   /// again and again are dropped, unless a symmetric pose may be the true one (`ambiguous`).
@@ -43,6 +50,9 @@ class TexturePoints {
   /// Makes points of the candidates: they lie on the mesh at this pose, which the estimate of their
   /// frame gave.
   void keep_candidates(const Rigid3& camera_from_object);
+  /// Makes points of the corners of an image that was rendered at this pose, of the place and size
+  /// of `depth`; without meaning where that is 0.
+  void take(const PlaneView& rendered, const DepthTile& depth, const Rigid3& camera_from_object);
   /// The estimate is not good enough; that says nothing of the texture.
   void drop_candidates();
   size_t kept() const { return points_.size(); }
@@ -70,8 +80,14 @@ class TexturePoints {
   bool make_point(const Candidate& candidate, const DepthTile& depth,
                   const Rigid3& object_from_camera, Point& point) const;
   bool crowded(const Eigen::Vector2d& pixel) const;
+  /// The strongest corners of a box inside the image, into candidates_. With `surface`, a depth
+  /// tile that the image lies on, only where a whole patch is on the surface.
+  void find_corners(const PlaneView& gray, int left, int top, int right, int bottom,
+                    const DepthTile* surface, size_t max);
+  void make_points(const DepthTile& depth, const Rigid3& camera_from_object);
 
   const CameraModel& camera_;
+  const Limits limits_;
   std::unique_ptr<DepthRenderer> renderer_;
   std::vector<Point> points_;
   std::vector<Candidate> candidates_;

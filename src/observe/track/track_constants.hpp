@@ -82,7 +82,11 @@ constexpr int kRestAfterDrop = 2;                      // [frames]
 constexpr size_t kMinPoints = 8;
 constexpr int kTexturedPoints = 12;     // from which on edges are not used
 constexpr double kPrintRefuted = 0.25;  // correlation of a print that is not there
-constexpr size_t kTellingPoints = 10;   // found, for texture to tell symmetric poses apart
+// Points of the mesh's own print: of another camera, light and printer than the image.
+constexpr float kMinPrintCorrelation = 0.75f;
+constexpr float kMinPrintStrength = 10.0f;  // of its corners; a rendered image has no noise
+constexpr double kPrintTurn = 0.25, kPrintZoom = 0.2;  // [rad], of the log of distances
+constexpr size_t kTellingPoints = 10;  // found, for texture to tell symmetric poses apart
 constexpr double kPointLogLikelihood = 0.5;
 
 }  // namespace sightline::observe::tuning

@@ -8,8 +8,8 @@
 #include "render/overlay/occluders.hpp"
 #include "render/overlay/subject.hpp"
 #include "render/overlay/tile/tile_compositor.hpp"
-#include "render/raster/surface_shader.hpp"
 #include "sightline/render/gpu/raster_device.hpp"
+#include "sightline/render/raster/surface_shader.hpp"
 
 namespace sightline::render {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/raster/surface_shader.hpp"
+#include "sightline/render/raster/surface_shader.hpp"
 
 #include <Eigen/Geometry>
 #include <algorithm>

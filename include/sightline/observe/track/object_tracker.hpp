@@ -38,6 +38,7 @@ struct TrackerOptions {
   LineError limb_error{0.15, 0.40};  ///< steps of light where a smooth surface turns away
   /// The same of texture points: their places come from poses that were estimated.
   ViewError texture_error{0.5, 0.006};
+  ViewError print_error{0.2, 0.002};  ///< of points of the mesh's own print
   /// Least noise of one line's offset [px], whatever the image says.
   double region_floor_px = 0.35;
   double edge_floor_px = 0.20;
@@ -85,6 +86,7 @@ struct TrackedObject {
   ShapeSymmetry shape_symmetry = {};  ///< poses that the shape cannot tell apart
   SurfaceSamples samples = {};        ///< the mesh's colors, to tell them apart; null: none
   bool printed = false;  ///< they are those of a print: where it does not show, the object is not
+  PrintRendererFactory print = {};  ///< then, for its corners; empty: without
 };
 
 /// The static scene as one camera sees it: what hides an object.
@@ -137,7 +139,9 @@ class ObjectTracker {
     double edge_support = 0;  ///< then: lines with an edge, 0 as many as by chance .. 1 all
     int edges_used = 0;
     double edge_noise_px = 0;
-    int points_used = 0;  ///< of texture
+    int points_used = 0;          ///< of texture
+    bool by_print = false;        ///< these are the mesh's own, not learned from images
+    bool by_print_alone = false;  ///< the outline does not show
     bool seen = false;
     bool learned = false;  ///< colors, from the frame before
   };

@@ -6,7 +6,7 @@
 #include <cstring>
 #include <numbers>
 
-#include "render/raster/surface_shader.hpp"
+#include "sightline/render/raster/surface_shader.hpp"
 
 namespace sightline {
 namespace {
