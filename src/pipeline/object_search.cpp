@@ -61,10 +61,10 @@ Status ObjectSearch::add_target(const Installation& installation, const RigObjec
   if (object.features) {
     SL_ASSIGN(target.features, FeatureDetector::create(object.features, cameras));
   }
-  SL_ASSIGN(target.detector,
-            ObjectDetector::create(
-                object.named.id, object.views, cameras,
-                DetectionPolicy::detector_options(options, target.colors != nullptr), run_on_half));
+  SL_ASSIGN(target.detector, ObjectDetector::create(object.named.id, object.views, cameras,
+                                                    DetectionPolicy::detector_options(
+                                                        options, target.colors != nullptr),
+                                                    run_in_parallel));
   const auto& start = installation.objects.at(object.named.id.index()).start;
   if (start) target.told = Told{*start, Time::max(), 0};
   targets_.push_back(std::move(target));

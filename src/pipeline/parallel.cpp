@@ -60,10 +60,6 @@ void run_in_parallel(size_t count, const std::function<void(size_t)>& body) {
   run_on_threads(std::max(1u, std::thread::hardware_concurrency()), count, body);
 }
 
-void run_on_half(size_t count, const std::function<void(size_t)>& body) {
-  run_on_threads(std::max(1u, std::thread::hardware_concurrency() / 2), count, body);
-}
-
 Error join_errors(const std::vector<Error>& errors) {
   SL_CHECK(!errors.empty(), "no error to join");
   Error joined = errors.front();

@@ -40,8 +40,7 @@ TEST_P(Executors, AllErrorsAreSaidTheLowestIndexFirst) {
   EXPECT_EQ(done.error().message(), "part: 4\npart: 7");
 }
 
-INSTANTIATE_TEST_SUITE_P(Parallel, Executors,
-                         testing::Values(&run_serially, &run_in_parallel, &run_on_half));
+INSTANTIATE_TEST_SUITE_P(Parallel, Executors, testing::Values(&run_serially, &run_in_parallel));
 
 }  // namespace
 }  // namespace sightline

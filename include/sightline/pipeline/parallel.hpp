@@ -15,10 +15,6 @@ namespace sightline {
 /// are seen by nobody and need no supervision.
 void run_in_parallel(size_t count, const std::function<void(size_t)>& body);
 
-/// The same with half of the hardware threads (one at least), for work that goes on beside that of
-/// cameras: they are often two to a core.
-void run_on_half(size_t count, const std::function<void(size_t)>& body);
-
 /// One error of several, of which there is at least one: the first, with the messages of the
 /// others, each once, in lines of their own.
 Error join_errors(const std::vector<Error>& errors);

@@ -14,24 +14,14 @@ constexpr int kBytes = 32;
 #else
 constexpr int kBytes = 16;
 #endif
+constexpr int kBlock = 64;  // columns: wider ones are seldom left out, shorter ones cost more
+constexpr size_t kMostOfFeature = 8;  // its response
 using Bytes = uint8_t __attribute__((vector_size(kBytes)));
 
 template <int kVectors>
-inline bool sum_block(std::span<const uint8_t* const> features, ptrdiff_t at, uint8_t threshold,
-                      uint8_t* sums) {
-  Bytes sum[kVectors] = {};
-  for (const uint8_t* feature : features) {
-    for (int k = 0; k < kVectors; ++k) {
-      Bytes responses;
-      std::memcpy(&responses, feature + at + kBytes * k, sizeof responses);
-      sum[k] += responses;
-    }
-  }
+inline bool any_reaches(const Bytes (&sum)[kVectors], uint8_t threshold) {
   Bytes any = {};
-  for (int k = 0; k < kVectors; ++k) {
-    std::memcpy(sums + at + kBytes * k, &sum[k], sizeof sum[k]);
-    any |= (Bytes)(sum[k] >= threshold);
-  }
+  for (int k = 0; k < kVectors; ++k) any |= (Bytes)(sum[k] >= threshold);
   uint64_t words[kBytes / 8];
   std::memcpy(words, &any, sizeof words);
   uint64_t all = 0;
@@ -39,12 +29,43 @@ inline bool sum_block(std::span<const uint8_t* const> features, ptrdiff_t at, ui
   return all != 0;
 }
 
+template <int kVectors>
+inline void add_features(std::span<const uint8_t* const> features, ptrdiff_t at,
+                         Bytes (&sum)[kVectors]) {
+  for (const uint8_t* feature : features) {
+    for (int k = 0; k < kVectors; ++k) {
+      Bytes responses;
+      std::memcpy(&responses, feature + at + kBytes * k, sizeof responses);
+      sum[k] += responses;
+    }
+  }
+}
+
+// Where the first features leave too little for the others to make up for, those are not read: the
+// sums are zero then, instead of something below the threshold.
+template <int kVectors>
+inline bool sum_block(std::span<const uint8_t* const> features, ptrdiff_t at, uint8_t threshold,
+                      uint8_t* sums) {
+  Bytes sum[kVectors] = {};
+  const size_t first = features.size() / 2;
+  const size_t most_of_rest = kMostOfFeature * (features.size() - first);
+  add_features(features.first(first), at, sum);
+  if (threshold > most_of_rest &&
+      !any_reaches(sum, static_cast<uint8_t>(threshold - most_of_rest))) {
+    std::memset(sums + at, 0, sizeof sum);
+    return false;
+  }
+  add_features(features.subspan(first), at, sum);
+  for (int k = 0; k < kVectors; ++k) std::memcpy(sums + at + kBytes * k, &sum[k], sizeof sum[k]);
+  return any_reaches(sum, threshold);
+}
+
 inline bool sum_all(std::span<const uint8_t* const> features, int columns, uint8_t threshold,
                     uint8_t* sums) {
   bool any = false;
   int x = 0;
-  for (; x + 160 <= columns; x += 160) {
-    any |= sum_block<160 / kBytes>(features, x, threshold, sums);
+  for (; x + kBlock <= columns; x += kBlock) {
+    any |= sum_block<kBlock / kBytes>(features, x, threshold, sums);
   }
   for (; x < columns; x += 32) any |= sum_block<32 / kBytes>(features, x, threshold, sums);
   return any;
