@@ -36,6 +36,8 @@ def cut(recording, out, start_s):
         writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
         writer.writeheader()
         writer.writerows(row for row in rows if int(row["capture_ns"]) >= first)
+    for truth in ("truth.csv", "keyframes.csv"):
+        cut_truth(os.path.join(out, truth), first)
     for camera in description["camera"]:
         gone = sum(row["camera"] == camera["name"] and int(row["capture_ns"]) < first for row in rows)
         subprocess.run(["ffmpeg", "-v", "error", "-y", "-i", os.path.join(recording, camera["file"]), "-vf",
@@ -43,6 +45,17 @@ def cut(recording, out, start_s):
                         "veryfast", "-g", "15", "-pix_fmt", "yuv420p", "-color_range", "tv",
                         os.path.join(out, camera["file"])], check=True, timeout=300)
     return description["objects"]
+
+
+def cut_truth(path, first):
+    """Drops the rows of a truth file from before `first` (ns); 10 ms are allowed for a camera's offset."""
+    if not os.path.exists(path):
+        return
+    rows = read_csv(path)
+    with open(path, "w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(row for row in rows if int(row["t_ns"]) >= first - 10_000_000)
 
 
 def evaluate(binaries, part, objects, poses):

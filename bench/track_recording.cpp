@@ -140,15 +140,7 @@ class Run {
   const ObjectEstimator& estimator() const { return chain_->fusion().estimator(ObjectId(0)); }
 
   std::optional<Rigid3> truth_at(Time time) const {
-    const auto next = std::lower_bound(truth_.begin(), truth_.end(), time,
-                                       [](const TruthRow& row, Time t) { return row.time < t; });
-    if (next == truth_.end()) return std::nullopt;
-    if (next->time == time) return next->world_from_object;
-    if (next == truth_.begin()) return std::nullopt;
-    const auto before = next - 1;
-    const double s = to_seconds(time - before->time) / to_seconds(next->time - before->time);
-    return before->world_from_object *
-           Rigid3::exp(s * difference(before->world_from_object, next->world_from_object));
+    return sightline::truth_at(truth_, time, Duration::max());
   }
 
   void propose(const Frame& frame, Observation& observation) {

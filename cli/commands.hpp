@@ -20,6 +20,7 @@ using Command = std::function<int()>;
 /// parsing sets `chosen`, which must outlive that.
 void add_cameras(CLI::App& app, Command& chosen);
 void add_check(CLI::App& app, Command& chosen);
+void add_detect(CLI::App& app, Command& chosen);
 void add_evaluate(CLI::App& app, Command& chosen);
 void add_model(CLI::App& app, Command& chosen);
 void add_record(CLI::App& app, Command& chosen);

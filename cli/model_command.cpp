@@ -3,7 +3,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <ctime>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -12,6 +11,7 @@
 
 #include "commands.hpp"
 #include "contact_sheet.hpp"
+#include "cpu_time.hpp"
 #include "report.hpp"
 #include "sightline/config/object_file.hpp"
 #include "sightline/pipeline/mesh_depth_renderer.hpp"
@@ -31,12 +31,6 @@ struct ModelOptions {
 };
 
 using Json = nlohmann::ordered_json;
-
-double cpu_ms() {
-  timespec now{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) * 1e3 + static_cast<double>(now.tv_nsec) * 1e-6;
-}
 
 Result<TriangleMesh> load(const ModelOptions& options) {
   MeshOptions mesh;

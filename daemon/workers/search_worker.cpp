@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "workers/search_worker.hpp"
 
-#include <sys/resource.h>
-
 #include "sightline/base/log.hpp"
 #include "sightline/pipeline/carry_forward.hpp"
 
@@ -14,7 +12,6 @@ namespace {
 
 constexpr Duration kTurn = 20ms;
 constexpr Duration kStallLimit = 10s;  // a search on a busy machine
-constexpr int kNice = 5;
 
 }  // namespace
 
@@ -70,9 +67,6 @@ void SearchWorker::stop() {
 }
 
 void SearchWorker::run(std::stop_token stop, Heartbeat& heartbeat) {
-  // Of this thread and its helpers: a search takes all the cores that cameras leave idle. Without
-  // the right to it nothing is lost.
-  (void)setpriority(PRIO_PROCESS, 0, kNice);
   while (!stop.stop_requested()) {
     heartbeat.beat();
     board_->read(tracks_);

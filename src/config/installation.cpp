@@ -344,6 +344,7 @@ void InstallationReader::read_scene() {
     result_.scene.meters_per_unit = meters.value_or(1.0);
   }
   SectionReader(*table, path_, files_).flag("learn", result_.scene.learn);
+  if (auto volume = table->table("volume")) result_.scene.volume = config::read_box(*volume);
   table->finish();
 }
 

@@ -130,4 +130,16 @@ void SectionReader::encoders(std::string_view key, std::vector<std::string>& fie
   }
 }
 
+std::optional<Box3> read_box(TomlTable& table) {
+  const bool both = table.require("min", "the corner with the smallest x, y, z [m]") &&
+                    table.require("max", "the corner with the largest x, y, z [m]");
+  const auto min = table.numbers("min", 3), max = table.numbers("max", 3);
+  table.finish();
+  if (!both || !min || !max) return std::nullopt;
+  const Box3 box{{(*min)[0], (*min)[1], (*min)[2]}, {(*max)[0], (*max)[1], (*max)[2]}};
+  if ((box.min.array() < box.max.array()).all()) return box;
+  table.problem("max", "must be above min in x, y and z");
+  return std::nullopt;
+}
+
 }  // namespace sightline::config

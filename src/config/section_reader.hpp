@@ -11,6 +11,7 @@
 #include "config/names.hpp"
 #include "config/sections.hpp"
 #include "config/toml_reader.hpp"
+#include "sightline/geometry/box3.hpp"
 
 namespace sightline::config {
 
@@ -99,5 +100,8 @@ class SectionReader {
   const std::filesystem::path& file_;
   const InstallationFiles& files_;
 };
+
+/// Corners `min` and `max`, three numbers each [m]; nullopt after a problem was noted.
+std::optional<Box3> read_box(TomlTable& table);
 
 }  // namespace sightline::config

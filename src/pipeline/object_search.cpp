@@ -53,7 +53,8 @@ Result<std::unique_ptr<ObjectSearch>> ObjectSearch::create(const Installation& i
 
 Status ObjectSearch::add_target(const Installation& installation, const RigObject& object,
                                 const std::vector<DetectorCamera>& cameras) {
-  const DetectorOptions& options = installation.detect.detector;
+  DetectorOptions options = installation.detect.detector;
+  options.volume = installation.scene.volume;
   DetectionPolicy policy(object.shape_symmetry, options.accept, object.printed);
   Target target{
       object.named.id, std::move(policy), object.views, {}, {}, {}, false, {}, false, {}, {}};

@@ -11,22 +11,7 @@ namespace {
 
 constexpr double kDegreesPerRadian = 180.0 / std::numbers::pi;
 
-using Truth = std::vector<const TruthRow*>;  ///< of one object, by time
-
-/// Truth at `time` on the geodesic of SE(3) between its neighbors; nothing outside.
-std::optional<Rigid3> truth_at(const Truth& truth, Time time, Duration max_gap) {
-  const auto after = std::lower_bound(truth.begin(), truth.end(), time,
-                                      [](const TruthRow* row, Time t) { return row->time < t; });
-  if (after == truth.end()) return std::nullopt;
-  if ((*after)->time == time) return (*after)->world_from_object;
-  if (after == truth.begin()) return std::nullopt;
-  const TruthRow& a = **std::prev(after);
-  const TruthRow& b = **after;
-  if (b.time - a.time > max_gap) return std::nullopt;
-  const double share = to_seconds(time - a.time) / to_seconds(b.time - a.time);
-  const Vector6 step = difference(a.world_from_object, b.world_from_object);
-  return a.world_from_object * Rigid3::exp(share * step);
-}
+using Truth = std::vector<TruthRow>;  ///< of one object, by time
 
 /// Nearest rank: the smallest value that at least `share` of all are not above.
 double percentile(const std::vector<double>& sorted, double share) {
@@ -82,9 +67,9 @@ struct Normalized {
 };
 
 size_t count_covered(const Truth& truth, const std::vector<Time>& claimed, Duration tolerance) {
-  return static_cast<size_t>(std::count_if(truth.begin(), truth.end(), [&](const TruthRow* row) {
-    const auto near = std::lower_bound(claimed.begin(), claimed.end(), row->time - tolerance);
-    return near != claimed.end() && *near <= row->time + tolerance;
+  return static_cast<size_t>(std::count_if(truth.begin(), truth.end(), [&](const TruthRow& row) {
+    const auto near = std::lower_bound(claimed.begin(), claimed.end(), row.time - tolerance);
+    return near != claimed.end() && *near <= row.time + tolerance;
   }));
 }
 
@@ -186,6 +171,20 @@ class ObjectJudge {
 
 }  // namespace
 
+std::optional<Rigid3> truth_at(std::span<const TruthRow> truth, Time time, Duration max_gap) {
+  const auto after = std::lower_bound(truth.begin(), truth.end(), time,
+                                      [](const TruthRow& row, Time t) { return row.time < t; });
+  if (after == truth.end()) return std::nullopt;
+  if (after->time == time) return after->world_from_object;
+  if (after == truth.begin()) return std::nullopt;
+  const TruthRow& a = *std::prev(after);
+  const TruthRow& b = *after;
+  if (b.time - a.time > max_gap) return std::nullopt;
+  const double share = to_seconds(time - a.time) / to_seconds(b.time - a.time);
+  const Vector6 step = difference(a.world_from_object, b.world_from_object);
+  return a.world_from_object * Rigid3::exp(share * step);
+}
+
 double ObjectEvaluation::coverage() const {
   return truth_times == 0 ? 0.0 : static_cast<double>(covered) / static_cast<double>(truth_times);
 }
@@ -222,12 +221,12 @@ PoseError pose_error(const Rigid3& truth, const Rigid3& pose, const SymmetryOpti
 Evaluation evaluate(std::span<const TruthRow> truth, std::span<const PoseLogRow> poses,
                     const EvaluateOptions& options) {
   std::map<std::string, Truth> by_object;
-  for (const auto& row : truth) by_object[row.object].push_back(&row);
+  for (const auto& row : truth) by_object[row.object].push_back(row);
   Evaluation out;
   out.keyframes = options.keyframes;
   for (auto& [name, rows] : by_object) {
     std::stable_sort(rows.begin(), rows.end(),
-                     [](const TruthRow* a, const TruthRow* b) { return a->time < b->time; });
+                     [](const TruthRow& a, const TruthRow& b) { return a.time < b.time; });
     ObjectJudge judge(name, rows, options);
     for (const PoseLogRow& row : poses) {
       if (row.object == name) judge.add(row);

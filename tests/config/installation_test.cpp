@@ -283,6 +283,8 @@ color = "#010203"
 [scene]
 meshes = ["a.obj", "b.ply"]
 unit = "mm"
+volume.min = [-1, -2, 0]
+volume.max = [1, 2, 0.5]
 [overlay]
 styles = ["trail", "axes"]
 hidden_color = "#FFEEDD"
@@ -337,6 +339,7 @@ log_level = "warning"
   EXPECT_EQ(installation.calibration, "/abs/c.toml");
   EXPECT_EQ(installation.scene.meshes[1], "dir/b.ply");
   EXPECT_EQ(installation.scene.meters_per_unit, 0.001);
+  EXPECT_EQ(installation.scene.volume, (Box3{{-1, -2, 0}, {1, 2, 0.5}}));
   EXPECT_EQ(installation.render.font_file, "dir/f.ttf");
   EXPECT_EQ(installation.render.depth_tolerance, 0.02);
   EXPECT_FALSE(installation.rtsp.enabled);

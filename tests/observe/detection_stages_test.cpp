@@ -19,6 +19,7 @@
 #include "observe/detect/pose_verification.hpp"
 #include "observe/detect/search_distances.hpp"
 #include "sightline/observe/detect/object_detector.hpp"
+#include "support/random.hpp"
 #include "support/scene_rig.hpp"
 #include "support/scene_shapes.hpp"
 #include "support/search_scene.hpp"
@@ -92,6 +93,32 @@ TEST(SearchDistances, ComeFromWhereTheCamerasLook) {
   }
 }
 
+TEST(SearchDistances, ComeFromTheVolume) {
+  DetectorOptions options;
+  options.volume = Box3{{-0.1, -0.1, -0.1}, {0.1, 0.1, 0.1}};
+  const SearchDistances distances = search_distances(scene().cameras, 0.05, options);
+  for (size_t i = 0; i < distances.cameras.size(); ++i) {
+    const CameraDistances& one = distances.cameras[i];
+    const CalibratedCamera& camera = scene().cameras[i].calibration;
+    const Eigen::Vector3d& eye = camera.world_from_camera.translation;
+    EXPECT_NEAR(one.nearest, options.volume->distance(eye), 1e-9);
+    EXPECT_NEAR(one.farthest, options.volume->farthest(eye), 1e-9);
+    // Every point of it is in the part of the image that is scanned.
+    test::Random random(3);
+    for (int k = 0; k < 100; ++k) {
+      const Eigen::Vector3d point =
+          options.volume->at(random.uniform(0, 1), random.uniform(0, 1), random.uniform(0, 1));
+      const auto pixel = camera.model.project(camera.world_from_camera.inverse() * point);
+      ASSERT_TRUE(pixel);
+      EXPECT_TRUE(one.image.contains(*pixel));
+    }
+    EXPECT_LT(one.image.sizes().x(), 0.9 * camera.model.width());
+  }
+  // A camera in the volume may see the object anywhere.
+  options.volume = Box3{{-9, -9, -9}, {9, 9, 9}};
+  EXPECT_TRUE(search_distances(scene().cameras, 0.05, options).cameras[0].image.isEmpty());
+}
+
 TEST(DetectorFrames, LeaveOutWhatIsTooOld) {
   DetectorFrames frames(scene().cameras, stage_options());
   EXPECT_FALSE(frames.select(false)) << "without a frame";
@@ -154,6 +181,24 @@ TEST(PoseScan, KeepsToColumnsNearTheForeground) {
       EXPECT_EQ(end, 11) << y;
     }
   }
+}
+
+TEST(PoseScan, KeepsToAPartOfTheImage) {
+  const Eigen::AlignedBox2d image(Eigen::Vector2d(40, 20), Eigen::Vector2d(79, 39));
+  const auto rows = columns_within({}, image, 4, 40, 20);
+  ASSERT_EQ(rows.size(), 20u);
+  for (int y = 0; y < 20; ++y) {
+    const auto [first, end] = rows[static_cast<size_t>(y)];
+    if (y < 5 - kScanRowStep || y >= 10 + kScanRowStep) {
+      EXPECT_GE(first, end) << y;
+    } else {
+      EXPECT_EQ(first, 10) << y;
+      EXPECT_EQ(end, 20) << y;
+    }
+  }
+  const auto fewer =
+      columns_within(std::vector<std::array<int, 2>>(20, {15, 17}), image, 4, 40, 20);
+  EXPECT_EQ(fewer[7], (std::array{15, 17}));
 }
 
 TEST(PoseVerification, FindsWhereAllCamerasAgree) {

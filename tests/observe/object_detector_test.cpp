@@ -98,6 +98,26 @@ TEST(ObjectDetector, FindsWhatMovesBetweenFreeRunningCameras) {
   }
 }
 
+TEST(ObjectDetector, LooksInTheVolumeOnly) {
+  const TriangleMesh mesh = make_truck();
+  const SceneRig rig(search_scene(mesh, resting(turned(0.8, {1, 2, 3}, {0.03, -0.02, 0.01}))));
+  const Eigen::Vector3d center = views_of(mesh)->center();
+  const Eigen::Vector3d place = rig.truth(rig.shots().front().true_capture) * center;
+  const auto found_in = [&](const Box3& volume) {
+    DetectorOptions options;
+    options.volume = volume;
+    const auto detector =
+        ObjectDetector::create(kObject, views_of(mesh), detector_cameras(rig), options).value();
+    add_frames(rig, *detector);
+    return first_found(rig, *detector);
+  };
+  const Eigen::Vector3d half(0.15, 0.15, 0.15), aside(0.4, 0, 0);
+  const Detection found = found_in({place - half, place + half});
+  ASSERT_EQ(found.poses.size(), 1u);
+  EXPECT_LT(translation_distance(found.poses[0].world_from_object, rig.truth(found.time)), 0.006);
+  EXPECT_TRUE(found_in({place + aside - half, place + aside + half}).poses.empty());
+}
+
 TEST(ObjectDetector, DoesNotSeeWhatIsNotThere) {
   const TriangleMesh mesh = make_truck();
   SceneRigOptions options =
@@ -232,6 +252,34 @@ TEST(ObjectDetector, RefusesWhatMakesNoSense) {
   EXPECT_TRUE(refused([](auto& o) { o.margin = 1.5; }));
 }
 
+TEST(ScanKernel, LeavesOutOnlyWhatCannotReachTheThreshold) {
+  Random random(6);
+  constexpr int kColumns = 500, kFeatures = 31;
+  std::vector<std::vector<uint8_t>> maps(kFeatures, std::vector<uint8_t>(kColumns + 64));
+  for (int x = 0; x < kColumns; ++x) {
+    const double level = x / 64 % 4 * 2;  // some parts respond to every feature
+    for (auto& map : maps) {
+      map[static_cast<size_t>(x)] = static_cast<uint8_t>(random.uniform(level / 2, level + 2.99));
+    }
+  }
+  std::vector<const uint8_t*> features;
+  for (const auto& map : maps) features.push_back(map.data());
+  int left_out = 0, reached = 0;
+  for (const uint8_t threshold : std::array<uint8_t, 4>{120, 160, 190, 210}) {
+    std::vector<uint8_t> sums(kColumns + 64);
+    observe::sum_features(features, kColumns, threshold, sums.data());
+    for (size_t x = 0; x < kColumns; ++x) {
+      int whole = 0;
+      for (const auto& map : maps) whole += map[x];
+      left_out += sums[x] != whole;
+      reached += whole >= threshold;
+      EXPECT_TRUE(sums[x] == whole || (whole < threshold && sums[x] == 0)) << x;
+    }
+  }
+  EXPECT_GT(left_out, 0);
+  EXPECT_GT(reached, 0);
+}
+
 TEST(ScanKernel, IsTheSameWithAndWithoutAvx2) {
 #ifdef SIGHTLINE_X86_64
   if (!cpu_has_avx2()) GTEST_SKIP() << "this processor has no AVX2";
@@ -243,7 +291,7 @@ TEST(ScanKernel, IsTheSameWithAndWithoutAvx2) {
     features.push_back(map.data() + static_cast<size_t>(random.uniform(0, 3000)));
   }
   for (const int columns : {1, 31, 32, 33, 160, 161, 320, 500}) {
-    for (const uint8_t threshold : std::array<uint8_t, 4>{1, 120, 160, 249}) {
+    for (const uint8_t threshold : std::array<uint8_t, 6>{1, 120, 160, 190, 210, 249}) {
       std::vector<uint8_t> a(600), b(600);
       EXPECT_EQ(observe::sum_features_scalar(features, columns, threshold, a.data()),
                 observe::sum_features_avx2(features, columns, threshold, b.data()));

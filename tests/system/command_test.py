@@ -148,6 +148,50 @@ class FoundFromNothing(TemporaryFolder):
         self.assertGreaterEqual(self.follow("drill"), 0.5)
 
 
+def bundled(name):
+    return os.path.join(ROOT, "recordings", name)
+
+
+class Detect(TemporaryFolder):
+    """Single searches, each by itself."""
+
+    def test_finds_what_is_there(self):
+        sheet = self.path("sheet.png")
+        answer = json.loads(sightline("detect", bundled("graycube"), "--limit", "2", "--json", "--contact-sheet", sheet)[0])
+        (cube,) = answer["objects"]
+        self.assertEqual((cube["searches"], cube["right"], cube["wrong"]), (2, 2, 0))
+        found = answer["sets"][0]
+        for axis in range(3):
+            self.assertAlmostEqual(found["found"][0]["t_m"][axis], found["truth"]["t_m"][axis], delta=0.03)
+        with open(sheet, "rb") as file:
+            self.assertEqual(file.read(4), b"\x89PNG")
+
+    def test_explains_where_the_truth_is(self):
+        answer = json.loads(sightline("detect", bundled("valve"), "--limit", "1", "--explain", "--json")[0])
+        explanation = answer["sets"][0]["explanation"]
+        stages = {stage["stage"]: stage["rank"] for stage in explanation["stages"]}
+        self.assertEqual(list(stages), ["scan", "pool", "climbed", "screened", "fitted", "varied", "final"])
+        self.assertEqual(stages["final"], 0)
+        self.assertTrue(explanation["best_is_right"])
+        truth = explanation["at_truth"]
+        self.assertGreater(truth["contour"], 0.6)
+        self.assertTrue(truth["trackers"][0]["seen"])
+        text = sightline("detect", bundled("valve"), "--limit", "1", "--explain")[0]
+        self.assertIn("rank of the truth", text)
+
+    def test_what_is_not_there_is_wrong(self):
+        answer = json.loads(sightline("detect", bundled("valve"), "--limit", "2", "--other-object",
+                                      os.path.join(bundled("graycube"), "objects", "cube.toml"), "--json")[0])
+        self.assertEqual(answer["objects"][0]["right"], 0)
+        self.assertNotIn("truth", answer["sets"][0])
+
+    def test_wrong_usage(self):
+        for arguments, said in (([bundled("valve"), "--object", "nobody"], 'no object "nobody"'),
+                                ([bundled("valve"), "--camera", "nobody"], 'no camera "nobody"'),
+                                (["/nowhere"], "/nowhere"), ([bundled("valve"), "--every", "0"], "every")):
+            self.assertIn(said, sightline("detect", *arguments, status=2)[1])
+
+
 class Determinism(TemporaryFolder):
     def test_two_runs_and_any_number_of_cores_give_the_same_bytes(self):
         logs = []

@@ -12,6 +12,7 @@
 #include "sightline/base/result.hpp"
 #include "sightline/capture/aravis/gige_action.hpp"
 #include "sightline/config/camera_config.hpp"
+#include "sightline/config/scene_config.hpp"
 #include "sightline/control/http_server.hpp"
 #include "sightline/fuse/estimator.hpp"
 #include "sightline/geometry/camera_model.hpp"
@@ -42,16 +43,6 @@ struct ObjectConfig {
     return content == other.content && description.file == other.description.file &&
            description.mesh == other.description.mesh;
   }
-};
-
-/// Static things that hide objects.
-struct SceneConfig {
-  std::vector<std::filesystem::path> meshes;
-  double meters_per_unit = 1.0;
-  uint64_t content = 0;  ///< hash of the files
-  bool learn = false;    ///< what hides objects is learned from the cameras as well
-
-  bool operator==(const SceneConfig&) const = default;
 };
 
 /// One virtual camera; served as a stream of its own.

@@ -93,6 +93,10 @@ struct Evaluation {
   std::vector<std::string> without_truth;  ///< logged objects that have no truth
 };
 
+/// The truth of one object at `time`, on the geodesic of SE(3) between its neighbors; nothing
+/// before, after and between rows further apart than `max_gap`. Rows by time.
+std::optional<Rigid3> truth_at(std::span<const TruthRow> truth, Time time, Duration max_gap);
+
 /// Compares poses with the truth, interpolated on SE(3) between its times and never beyond.
 Evaluation evaluate(std::span<const TruthRow> truth, std::span<const PoseLogRow> poses,
                     const EvaluateOptions& options = {});

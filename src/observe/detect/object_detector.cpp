@@ -171,6 +171,7 @@ class ObjectDetector::Impl {
     frames_.set_reference(out.time);
     std::vector<JudgedPose> judged;
     for (const ProposedPose& pose : proposals.poses) {
+      if (!possible(pose.world_from_object)) continue;
       const RigMotion motion{pose.world_from_object, pose.twist};
       judged.push_back(judge_.judge(fitter_.evaluate(frames_.fit_cameras(), motion), &pose));
     }
@@ -253,12 +254,18 @@ class ObjectDetector::Impl {
 
   void fit_and_judge(std::span<const RigMotion> starts, std::vector<JudgedPose>& judged) const {
     for (PoseFit& fit : fitter_.fit(frames_.fit_cameras(), starts, kSearchReach)) {
+      if (!possible(fit.motion.world_from_object)) continue;
       judged.push_back(judge_.judge(std::move(fit)));
     }
   }
 
   double center_distance(const Rigid3& a, const Rigid3& b) const {
     return (a * model().center() - b * model().center()).norm();
+  }
+
+  // It is in the volume in which the object can be.
+  bool possible(const Rigid3& pose) const {
+    return !options_.volume || options_.volume->contains(pose * model().center());
   }
 
   void forget_told() {
@@ -292,7 +299,17 @@ class ObjectDetector::Impl {
       const std::vector<JointPose> about = verified_about(*place);
       verified.insert(verified.begin(), about.begin(), about.end());
     }
+    if (options_.volume) {
+      // Steps from there may lead into it.
+      std::erase_if(verified, [&](const JointPose& pose) {
+        return options_.volume->distance(pose.world_from_object * model().center()) >
+               model().radius();
+      });
+    }
     std::vector<ContourPose> poses = contours_.search(frames_, verified, nullptr);
+    std::erase_if(poses, [&](const ContourPose& pose) {
+      return !possible(pose.fit.motion.world_from_object);
+    });
     for (ContourPose& pose : contours_.fit(frames_, told_)) poses.push_back(std::move(pose));
     std::stable_sort(poses.begin(), poses.end(),
                      [](const ContourPose& a, const ContourPose& b) { return a.score > b.score; });

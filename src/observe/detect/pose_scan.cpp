@@ -28,6 +28,13 @@ ScanResult PoseScan::scan(const DetectorFrames& frames, size_t camera, bool focu
     const auto reach = static_cast<int>(0.5 * bank_.model().radius() * static_cast<double>(scale));
     out.range.rows = columns_near(frames.mask(camera), edges.width(), edges.height(), reach);
   }
+  const Eigen::AlignedBox2d& image = distances_.cameras[frames.camera_index(camera)].image;
+  if (!image.isEmpty()) {
+    const EdgeImage& edges = frames.edges(camera);
+    out.range.rows =
+        columns_within(std::move(out.range.rows), image, frames.search_cameras()[camera].shrink,
+                       edges.width() / 2, edges.height() / 2);
+  }
   scan_range(frames, out);
   return out;
 }
@@ -74,6 +81,24 @@ std::vector<std::array<int, 2>> columns_about(const Eigen::Vector2d& place, doub
     rows[static_cast<size_t>(y)] = {
         std::clamp(static_cast<int>(std::floor(place.x() - half)), 0, width),
         std::clamp(static_cast<int>(std::ceil(place.x() + half)), 0, width)};
+  }
+  return rows;
+}
+
+std::vector<std::array<int, 2>> columns_within(std::vector<std::array<int, 2>> rows,
+                                               const Eigen::AlignedBox2d& image, double shrink,
+                                               int width, int height) {
+  if (rows.empty()) rows.assign(static_cast<size_t>(height), {0, width});
+  const auto cell = [&](double pixel, int end) {
+    return static_cast<int>(std::clamp(pixel / shrink, 0.0, static_cast<double>(end)));
+  };
+  const int left = cell(image.min().x(), width), right = cell(image.max().x() + shrink, width);
+  const int top = cell(image.min().y(), height), bottom = cell(image.max().y() + shrink, height);
+  for (int y = 0; y < height; ++y) {
+    auto& row = rows[static_cast<size_t>(y)];
+    row = {std::max(row[0], left), std::min(row[1], right)};
+    // Every second row is scanned: one more on either side.
+    if (y + kScanRowStep < top || y >= bottom + kScanRowStep) row[1] = row[0];
   }
   return rows;
 }

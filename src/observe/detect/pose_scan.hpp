@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Geometry>
 #include <array>
 #include <cstdint>
 #include <vector>
@@ -48,6 +49,12 @@ class PoseScan {
 /// reaches so far [px of the maps] may be, if it is to touch the mask of the half-size image.
 std::vector<std::array<int, 2>> columns_near(const std::vector<uint8_t>& mask, int width,
                                              int height, int reach);
+
+/// Of these columns (empty: all) those that lie in a part of the image [px]; `shrink`: pixels of
+/// the image per pixel of the maps.
+std::vector<std::array<int, 2>> columns_within(std::vector<std::array<int, 2>> rows,
+                                               const Eigen::AlignedBox2d& image, double shrink,
+                                               int width, int height);
 
 /// The same about a place of the maps [px].
 std::vector<std::array<int, 2>> columns_about(const Eigen::Vector2d& place, double radius,

@@ -29,6 +29,24 @@ std::optional<Eigen::Vector3d> focus_of(std::span<const DetectorCamera> cameras)
   return Eigen::Vector3d(system.ldlt().solve(right));
 }
 
+// Of points all through the volume; empty if the camera is in it, or a part is behind the camera.
+Eigen::AlignedBox2d image_of(const Box3& volume, const CalibratedCamera& camera) {
+  constexpr int kSteps = 4;  // lines bend in a lens
+  Eigen::AlignedBox2d out;
+  const Rigid3 camera_from_world = camera.world_from_camera.inverse();
+  for (int i = 0; i < (kSteps + 1) * (kSteps + 1) * (kSteps + 1); ++i) {
+    const auto share = [](int step) { return static_cast<double>(step) / kSteps; };
+    const Eigen::Vector3d point =
+        volume.at(share(i % (kSteps + 1)), share(i / (kSteps + 1) % (kSteps + 1)),
+                  share(i / (kSteps + 1) / (kSteps + 1)));
+    const auto pixel = camera.model.project(camera_from_world * point);
+    if (!pixel) return {};
+    out.extend(*pixel);
+  }
+  const Eigen::Vector2d margin = 0.05 * out.sizes() + Eigen::Vector2d::Constant(2 * kMapShrink);
+  return {out.min() - margin, out.max() + margin};
+}
+
 CameraDistances camera_distances(const CalibratedCamera& camera,
                                  const std::optional<Eigen::Vector3d>& focus, double diameter,
                                  const DetectorOptions& options) {
@@ -36,8 +54,13 @@ CameraDistances camera_distances(const CalibratedCamera& camera,
   double nearest = lens.fx * diameter / (options.max_height_share * lens.height);
   double farthest = lens.fx * diameter / options.min_diameter_px;
   double farthest_silhouette = lens.fx * diameter / options.min_silhouette_px;
-  if (focus) {
-    const double usual = (*focus - camera.world_from_camera.translation).norm();
+  const Eigen::Vector3d& eye = camera.world_from_camera.translation;
+  if (options.volume) {
+    nearest = std::max(nearest, options.volume->distance(eye));
+    farthest = std::min(farthest, options.volume->farthest(eye));
+    farthest_silhouette = std::min(farthest_silhouette, options.volume->farthest(eye));
+  } else if (focus) {
+    const double usual = (*focus - eye).norm();
     nearest = std::max(nearest, 0.5 * usual);
     farthest = std::min(farthest, 1.7 * usual);
     farthest_silhouette = std::min(farthest_silhouette, 1.7 * usual);
@@ -49,6 +72,7 @@ CameraDistances camera_distances(const CalibratedCamera& camera,
   CameraDistances out;
   out.nearest = nearest;
   out.farthest = std::max(nearest, farthest_silhouette);
+  if (options.volume) out.image = image_of(*options.volume, camera);
   const double ratio = std::log(farthest / nearest) / std::log(kDistanceStep);
   const int steps = std::clamp(static_cast<int>(std::ceil(ratio)), 1, kMaxDistances);
   for (int i = 0; i < steps; ++i) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Geometry>
 #include <span>
 #include <vector>
 
@@ -13,10 +14,13 @@ namespace sightline::observe {
 struct CameraDistances {
   std::vector<float> scales;         ///< that are scanned, nearest first [px of the maps per m]
   double nearest = 0, farthest = 0;  ///< at which silhouettes are looked for [m]
+  /// Where in the image the middle of the object can be [px]; empty: anywhere.
+  Eigen::AlignedBox2d image;
 };
 
-/// From the options, or else from where the optical axes of the cameras meet (as far as half and
-/// 1.7 times that distance) and from how large the object is in the images.
+/// From the options (distances, or else the volume), or else from where the optical axes of the
+/// cameras meet (as far as half and 1.7 times that distance) and from how large the object is in
+/// the images.
 struct SearchDistances {
   std::vector<CameraDistances> cameras;
   int map_margin = 0;  ///< that templates need around response maps [px of the maps]

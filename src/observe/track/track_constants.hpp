@@ -80,7 +80,8 @@ constexpr int kCornerGrid = 2;                         // [px] on which corners 
 constexpr int kShortestPause = 1, kLongestPause = 48;  // [frames] between searches for corners
 constexpr int kRestAfterDrop = 2;                      // [frames]
 constexpr size_t kMinPoints = 8;
-constexpr int kTexturedPoints = 12;     // from which on edges are not used
+// From so many points on edges are not used, nor, beside a print, the outline.
+constexpr int kTexturedPoints = 12;
 constexpr double kPrintRefuted = 0.25;  // correlation of a print that is not there
 // Points of the mesh's own print: of another camera, light and printer than the image.
 constexpr float kMinPrintCorrelation = 0.75f;

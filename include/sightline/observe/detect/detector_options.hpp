@@ -2,8 +2,10 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 
 #include "sightline/base/time.hpp"
+#include "sightline/geometry/box3.hpp"
 
 namespace sightline {
 
@@ -11,6 +13,9 @@ struct DetectorOptions {
   /// Distances from a camera at which the object is looked for [m]; 0: from where the cameras look
   /// and how large the object is in their images.
   double nearest = 0, farthest = 0;
+  /// Where the middle of the object can be, world frame; nothing is looked for elsewhere. Distances
+  /// follow from it where none are given.
+  std::optional<Box3> volume;
   /// Least evidence of a pose that is accepted.
   double accept = 0.4;
   /// Poses within this share of the best one's evidence are as possible as that.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "sync_advice.hpp"
+#include "cameras/sync_advice.hpp"
 
 #include <fmt/format.h>
 

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "camera_probe.hpp"
-#include "camera_sync_command.hpp"
+#include "cameras/camera_probe.hpp"
+#include "cameras/camera_sync_command.hpp"
 #include "commands.hpp"
 #include "report.hpp"
 #include "sightline/capture/aravis/aravis_source.hpp"

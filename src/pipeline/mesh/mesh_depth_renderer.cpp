@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sightline/pipeline/mesh_depth_renderer.hpp"
 
-#include <algorithm>
-
+#include "pipeline/mesh/depth_tile.hpp"
 #include "sightline/render/raster/raster.hpp"
 
 namespace sightline {
@@ -17,16 +16,7 @@ class MeshDepthRenderer final : public DepthRenderer {
 
   DepthTile render(const Rigid3& camera_from_object) override {
     rasterizer_.render(*mesh_, camera_from_object, 0, tile_);
-    DepthTile out;
-    if (tile_.rect().empty()) return out;
-    out.x = tile_.rect().x;
-    out.y = tile_.rect().y;
-    // A tile may reach past an image of odd size.
-    out.width = std::min(tile_.width(), camera().width() - out.x);
-    out.height = std::min(tile_.height(), camera().height() - out.y);
-    out.stride = static_cast<ptrdiff_t>(tile_.stride());
-    out.data = tile_.inverse_depth(0);
-    return out;
+    return pipeline::depth_tile(tile_, camera());
   }
 
  private:

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sightline/pipeline/mesh_print_renderer.hpp"
 
-#include <algorithm>
-
+#include "pipeline/mesh/depth_tile.hpp"
 #include "sightline/render/raster/raster.hpp"
 #include "sightline/render/raster/surface_shader.hpp"
 
@@ -19,14 +18,7 @@ class MeshPrintRenderer final : public PrintRenderer {
     PrintTile out;
     if (tile_.rect().empty() || !rasterizer_.draw(*mesh_, camera_from_object, tile_)) return out;
     shader_.run(*mesh_, camera_from_object, Shading::kFlat, true, tile_);
-    const CameraModel& camera = rasterizer_.rays().model();
-    out.depth.x = tile_.rect().x;
-    out.depth.y = tile_.rect().y;
-    // A tile may reach past an image of odd size.
-    out.depth.width = std::min(tile_.width(), camera.width() - out.depth.x);
-    out.depth.height = std::min(tile_.height(), camera.height() - out.depth.y);
-    out.depth.stride = static_cast<ptrdiff_t>(tile_.stride());
-    out.depth.data = tile_.inverse_depth(0);
+    out.depth = pipeline::depth_tile(tile_, rasterizer_.rays().model());
     out.luma = shader_.luma(0);
     out.luma_stride = shader_.luma(1) - shader_.luma(0);
     return out;

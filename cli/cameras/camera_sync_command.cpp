@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "camera_sync_command.hpp"
+#include "cameras/camera_sync_command.hpp"
 
 #include <fmt/format.h>
 
@@ -8,11 +8,11 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "camera_probe.hpp"
+#include "cameras/camera_probe.hpp"
+#include "cameras/sync_advice.hpp"
 #include "report.hpp"
 #include "sightline/base/thread.hpp"
 #include "sightline/pipeline/source_factory.hpp"
-#include "sync_advice.hpp"
 #include "workers/action_worker.hpp"
 
 namespace sightline::cli {

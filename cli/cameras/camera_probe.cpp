@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "camera_probe.hpp"
+#include "cameras/camera_probe.hpp"
 
 #include <algorithm>
 #include <cmath>
