@@ -2,13 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The daemon on recordings in real time, from nothing, judged by what it records itself:
 
-    bench/live/live.py [--bin build/release/bin] [--runs N] [--modalities region,edge,texture] RECORDING ...
+    bench/live/live.py [--bin build/release/bin] [--runs N] [--modalities region,edge,texture]
+                       [--copies N] [--unplugged CAMERA|first] [--compilers N] RECORDING ...
 
 Each run starts sightlined with the recording's cameras played once at their own pace, lets it record its poses, maps
 their capture times back onto the recording's (frames.csv of both) and compares them with truth.csv or keyframes.csv
 (`sightline evaluate`). Prints a row per run and the medians, with the load average before it: a busy machine finds less.
-Exits 0 if every run could be judged; 2 for bad input."""
+--copies: every camera so many times (a rig of twice as many cameras); --unplugged: this camera never gives a frame;
+--compilers: so many compilers run beside it. Exits 0 if every run could be judged; 2 for bad input."""
 import argparse
+import contextlib
 import csv
 import json
 import os
@@ -45,21 +48,64 @@ def write_object(source, folder, modalities):
     return path
 
 
-def write_config(recording, folder, modalities, extra):
+def copied_calibration(recording, folder, copies):
+    """calibration.toml with every camera `copies` times: NAME, NAME_2, ..."""
+    with open(os.path.join(recording, "calibration.toml"), encoding="utf-8") as file:
+        text = file.read()
+    parts = re.split(r"(?m)^(?=\[\[camera\]\])", text)
+    out = parts[0]
+    for part in parts[1:]:
+        out += part
+        for i in range(2, copies + 1):
+            out += re.sub(r'(?m)^(name\s*=\s*"[^"]*)"', rf'\1_{i}"', part, count=1)
+    path = os.path.join(folder, "calibration.toml")
+    with open(path, "w", encoding="utf-8") as file:
+        file.write(out)
+    return path
+
+
+def camera_lines(recording, name, options):
+    unplugged = name == options.unplugged
+    for i in range(1, options.copies + 1):
+        source = "rtsp://127.0.0.1:9/unplugged" if unplugged else "replay:" + os.path.abspath(recording)
+        lines = [f'[[camera]]\nname = "{name}{"" if i == 1 else f"_{i}"}"\nsource = "{source}"']
+        if not unplugged:
+            lines.append(f'recorded_as = "{name}"\nloop = false')
+        yield "\n".join(lines) + "\n"
+
+
+@contextlib.contextmanager
+def compilers(count):
+    """Compilers that run beside, one file after the other."""
+    script = ("while :; do printf '#include <regex>\n#include <map>\nint main(){std::regex r(\"a\");}' | "
+              "c++ -O2 -x c++ -c - -o /dev/null; done")
+    running = [subprocess.Popen(["sh", "-c", script], start_new_session=True) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for process in running:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+
+
+def write_config(recording, folder, options):
+    modalities = [m for m in options.modalities.split(",") if m]
     with open(os.path.join(recording, "recording.toml"), "rb") as file:
         description = tomllib.load(file)
     cameras = [camera["name"] for camera in description["camera"]]
-    lines = [f'calibration = "{os.path.abspath(recording)}/calibration.toml"', extra, f'[record]\nenabled = true\ndirectory = "{folder}/records"\n', "[rtsp]\nport = 0\n", "[http]\nport = 0\n"]
+    if options.unplugged == "first":
+        options.unplugged = cameras[0]
+    lines = [f'calibration = "{copied_calibration(recording, folder, options.copies)}"', options.extra, f'[record]\nenabled = true\ndirectory = "{folder}/records"\n', "[rtsp]\nport = 0\n", "[http]\nport = 0\n"]
     for name in description["objects"]:
         path = write_object(os.path.join(recording, name), folder, modalities)
         lines.append(f'[[object]]\nfile = "{path}"\n')
     for name in cameras:
-        lines.append(f'[[camera]]\nname = "{name}"\nsource = "replay:{os.path.abspath(recording)}"\nloop = false\n')
+        lines += camera_lines(recording, name, options)
     os.mkdir(os.path.join(folder, "records"))
     path = os.path.join(folder, "live.toml")
     with open(path, "w", encoding="utf-8") as file:
         file.write("\n".join(lines))
-    return path, cameras, [os.path.join(recording, name) for name in description["objects"]]
+    return path, [name for name in cameras if name != options.unplugged], [os.path.join(recording, name) for name in description["objects"]]
 
 
 def play(binaries, config, seconds, log):
@@ -115,18 +161,19 @@ def judge(binaries, recording, record, camera, objects, folder):
     return json.loads(text)["objects"], first
 
 
-def run(binaries, recording, modalities, extra):
+def run(recording, options):
     with tempfile.TemporaryDirectory(prefix="sightline_live.") as folder:
-        config, cameras, objects = write_config(recording, folder, modalities, extra)
+        config, cameras, objects = write_config(recording, folder, options)
         times = read_times(recording, cameras[0])
         seconds = (max(times.values()) - min(times.values())) * 1e-9
         log = os.path.join(folder, "log")
-        play(binaries, config, seconds, log)
+        with compilers(options.compilers):
+            play(options.bin, config, seconds, log)
         records = sorted(os.listdir(os.path.join(folder, "records")))
         if not records:
             with open(log, encoding="utf-8") as file:
                 raise RuntimeError("nothing was recorded:\n" + file.read())
-        return judge(binaries, recording, os.path.join(folder, "records", records[0]), cameras[0], objects, folder)
+        return judge(options.bin, recording, os.path.join(folder, "records", records[0]), cameras[0], objects, folder)
 
 
 def main():
@@ -136,8 +183,10 @@ def main():
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--modalities", default="region,edge,texture")
     parser.add_argument("--extra", default="", help="further lines of the configuration's head")
+    parser.add_argument("--copies", type=int, default=1)
+    parser.add_argument("--unplugged", default="", metavar="CAMERA|first")
+    parser.add_argument("--compilers", type=int, default=0)
     options = parser.parse_args()
-    modalities = [m for m in options.modalities.split(",") if m]
     print(f"{'recording':12} {'object':10} {'pose %':>7} {'5cm+5deg %':>11} {'first s':>8} {'mm':>7} {'deg':>6} {'wrong':>6} {'load':>5}")
     for recording in options.recordings:
         if not os.path.isfile(os.path.join(recording, "recording.toml")):
@@ -146,7 +195,7 @@ def main():
         shares = {}
         for _ in range(options.runs):
             load = os.getloadavg()[0]
-            evaluated, first = run(options.bin, recording, modalities, options.extra)
+            evaluated, first = run(recording, options)
             for e in evaluated:
                 rows = max(1, e["rows"])
                 name = e["object"]
