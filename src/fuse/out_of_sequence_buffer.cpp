@@ -57,8 +57,10 @@ OutOfSequenceBuffer::Place OutOfSequenceBuffer::insert(Time time, ObjectId objec
   for (const Observation& observation : set) {
     if (observation.object != object) continue;
     Observation* const known = observation_of(entry, observation.camera);
-    // A slower search of the same frame may have found what the first one did not.
-    const bool sees_more = known != nullptr && known->terms.empty() && !observation.terms.empty();
+    // A slower search of the same frame may have found what the first one did not, or that the
+    // first one was measured about a wrong pose.
+    const bool sees_more = known != nullptr && !observation.terms.empty() &&
+                           (known->terms.empty() || (observation.refutes && !known->refutes));
     if (known != nullptr && !sees_more) continue;
     if (sees_more) {
       *known = observation;

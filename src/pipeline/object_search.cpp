@@ -2,7 +2,9 @@
 #include "sightline/pipeline/object_search.hpp"
 
 #include <algorithm>
+#include <utility>
 
+#include "sightline/base/log.hpp"
 #include "sightline/pipeline/parallel.hpp"
 #include "sightline/pipeline/search_cost.hpp"
 
@@ -19,8 +21,30 @@ Result<std::unique_ptr<ColorVerifier>> make_color_verifier(
   return ColorVerifier::create(*object.samples, cameras);
 }
 
-void append(const Detection& detection, std::vector<Observation>& out) {
-  out.insert(out.end(), detection.observations.begin(), detection.observations.end());
+// Checks of a pose that is known: often after it was found, rarely later.
+constexpr int kEarlyChecks = 5;
+constexpr Duration kEarlyCheck = std::chrono::milliseconds(300);
+constexpr Duration kDegradedCheck = std::chrono::seconds(1), kCheck = std::chrono::seconds(2);
+constexpr Duration kSecondCheck = std::chrono::milliseconds(80);  // after a suspicion
+// Another orientation has to score so much, and so much more than the one in force. At true poses
+// of twelve recordings it has 1.06 of it at most (docs/detection.md).
+constexpr double kMinOtherScore = 0.45, kOtherScoreRatio = 1.15;
+constexpr double kSameSuspicion = 0.35;  // [rad] between the orientations of two checks
+
+// Up to the symmetries of the shape.
+bool same_orientation(const Rigid3& a, const Rigid3& b, const ViewpointModel& views) {
+  if (rotation_angle(a, b) < kSameSuspicion) return true;
+  const auto turns = views.symmetry_rotations();
+  return std::any_of(turns.begin(), turns.end(), [&](const Rigid3& turn) {
+    return rotation_angle(a * turn, b) < kSameSuspicion;
+  });
+}
+
+void append(const Detection& detection, bool refutes, std::vector<Observation>& out) {
+  for (const Observation& observation : detection.observations) {
+    out.push_back(observation);
+    out.back().refutes = refutes;
+  }
 }
 
 }  // namespace
@@ -56,8 +80,8 @@ Status ObjectSearch::add_target(const Installation& installation, const RigObjec
   DetectorOptions options = installation.detect.detector;
   options.volume = installation.scene.volume;
   DetectionPolicy policy(object.shape_symmetry, options.accept, object.printed);
-  Target target{
-      object.named.id, std::move(policy), object.views, {}, {}, {}, false, {}, false, {}, {}};
+  Target target{object.named.id, std::move(policy), object.views};
+  target.printed = object.printed;
   SL_ASSIGN(target.colors, make_color_verifier(object, cameras));
   if (object.features) {
     SL_ASSIGN(target.features, FeatureDetector::create(object.features, cameras));
@@ -90,8 +114,9 @@ bool ObjectSearch::due(Time now, std::span<const PoseTrackPtr> tracks) const {
     std::lock_guard lock(mutex_);
     if (!messages_.empty()) return true;
   }
-  return std::any_of(targets_.begin(), targets_.end(),
-                     [&](const Target& target) { return due(target, now, tracks); });
+  return std::any_of(targets_.begin(), targets_.end(), [&](const Target& target) {
+    return due(target, now, tracks) || check_due(target, now, tracks);
+  });
 }
 
 void ObjectSearch::find_known(Time time, std::span<const PoseTrackPtr> tracks, bool coasting) {
@@ -217,15 +242,70 @@ std::vector<Observation> ObjectSearch::search(Time now, std::span<const PoseTrac
     if (next == nullptr || waits_since(target) < waits_since(*next)) next = &target;
   }
   std::vector<Observation> out;
-  if (next != nullptr) search(*next, now, out);
+  if (next != nullptr) {
+    search(*next, now, out);
+    return out;
+  }
+  for (Target& target : targets_) {
+    if (!check_due(target, now, tracks)) continue;
+    check(target, now, tracks, out);
+    break;
+  }
   return out;
+}
+
+// A print says which side is which all the time.
+bool ObjectSearch::check_due(const Target& target, Time now, std::span<const PoseTrackPtr> tracks) {
+  const size_t index = target.object.index();
+  if (target.printed || index >= tracks.size() || !tracks[index] || tracks[index]->empty()) {
+    return false;
+  }
+  const TrackState state = tracks[index]->newest().state;
+  if (state != TrackState::kTracking && state != TrackState::kDegraded) return false;
+  const Duration usual = state == TrackState::kTracking ? kCheck : kDegradedCheck;
+  const Duration pause = target.suspicion               ? kSecondCheck
+                         : target.checks < kEarlyChecks ? kEarlyCheck
+                                                        : usual;
+  return now - target.checked >= pause;
+}
+
+void ObjectSearch::check(Target& target, Time now, std::span<const PoseTrackPtr> tracks,
+                         std::vector<Observation>& out) {
+  target.checked = now;
+  ++target.checks;
+  ++checks_.done;
+  const PoseAt at = tracks[target.object.index()]->at(now);
+  if (at.source == PoseSource::kNone) return;
+  const Rigid3& pose = at.estimate.world_from_object;
+  OrientationComparison compared =
+      target.detector->compare_orientations(pose, at.estimate.twist, now, target.colors.get());
+  const bool suspicious = compared.here > 0 && compared.other >= kMinOtherScore &&
+                          compared.other >= kOtherScoreRatio * compared.here;
+  log::debug("check: {}: {:.2f} in its orientation, {:.2f} in another", target.object.index(),
+             compared.here, compared.other);
+  const std::optional<Rigid3> before = std::exchange(target.suspicion, std::nullopt);
+  if (!suspicious || compared.best.poses.empty()) return;
+  const Rigid3 other = pose.inverse() * compared.best.poses.front().world_from_object;
+  if (!before || !same_orientation(*before, other, *target.views)) {
+    target.suspicion = other;
+    return;
+  }
+  target.found = target.policy.by_outline(std::move(compared.best), target.colors.get());
+  target.refutes = !target.found.poses.empty();
+  if (!target.refutes) return;
+  target.checks = 0;
+  ++checks_.refuted;
+  append(target.found, true, out);
 }
 
 void ObjectSearch::search(Target& target, Time now, std::vector<Observation>& out) {
   if (!target.searched || now - target.last > target.pause + kForgotten) target.missing_since = now;
   target.last = now;
   target.searched = true;
-  target.by_features = false;
+  target.by_features = target.refutes = false;
+  target.checks = 0;
+  target.checked = now;
+  target.suspicion.reset();
   const SearchWork before = work();
   target.found = look_where_told(target, now);
   if (target.found.poses.empty()) target.found = look_everywhere(target);
@@ -233,7 +313,7 @@ void ObjectSearch::search(Target& target, Time now, std::vector<Observation>& ou
   SearchWork done = work();
   done -= before;
   target.pause = pause_after(target, now, done);
-  append(target.found, out);
+  append(target.found, false, out);
 }
 
 // What is not found for long is looked for at a bounded cost: by the model of it, so that a replay
@@ -256,7 +336,7 @@ std::vector<Observation> ObjectSearch::follow() {
       now = by_features(target, target.features->propose_near(target.found));
     }
     if (now.poses.empty()) continue;  // covered or blurred for a moment: the next frames may do
-    append(now, out);
+    append(now, target.refutes, out);
     target.found = std::move(now);
   }
   return out;

@@ -79,7 +79,7 @@ bool TrackingChain::search_at_once(std::span<const CameraFrame> frames) {
     }
     for (Observation& known : set_) {
       const bool same = known.object == found.object && known.camera == found.camera;
-      if (same && known.terms.empty()) known = found;
+      if (same && (known.terms.empty() || found.refutes)) known = found;
     }
   }
   return true;

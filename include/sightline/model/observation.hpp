@@ -33,6 +33,9 @@ struct Observation {
   /// apart: a cost (-log likelihood, up to a constant of the list) for each. Empty: nothing. Says
   /// nothing else of the pose.
   std::vector<PoseHypothesis> symmetric_hypotheses;
+  /// Its hypotheses were compared with the pose in force and explain the images better: if that is
+  /// another pose, it is given up and the object starts anew from them.
+  bool refutes = false;
 };
 
 }  // namespace sightline

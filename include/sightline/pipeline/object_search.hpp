@@ -26,7 +26,8 @@ class ObjectSearch {
   static Result<std::unique_ptr<ObjectSearch>> create(const Installation& installation,
                                                       const Rig& rig);
 
-  /// True if a search for some object is due at `now` (see search()). Cheap.
+  /// True if a search for some object is due at `now` (see search()), or a check of one whose pose
+  /// is known. Cheap.
   bool due(Time now, std::span<const PoseTrackPtr> tracks) const;
   /// Takes a frame of this camera; only the newest of each counts. Learns the background from it if
   /// that is due, and compares it with the background while an object is missing.
@@ -43,6 +44,10 @@ class ObjectSearch {
   /// coasting for longer than `kBlindAfter`, not searched for within the interval (later, if it has
   /// not been found for 10 s: DetectConfig::max_load). One at a time, so that none is old news when
   /// the other is found. The observations are at the capture times of the frames, in order of time.
+  ///
+  /// If no search is due, it checks the object whose check is due: whether the images show it
+  /// rather in another orientation than that of its track. Where two checks in a row say the same,
+  /// that orientation is returned, and its observations refute the pose in force.
   std::vector<Observation> search(Time now, std::span<const PoseTrackPtr> tracks);
   /// The same poses in newer frames, which may have come while the search ran. Replaces what
   /// search() returned; empty if they are not found there. Then the next call goes on from where
@@ -56,6 +61,11 @@ class ObjectSearch {
   /// Drops the hint and what earlier searches have found of the object. Any thread.
   bool forget(ObjectId object);
 
+  /// Checks so far, and poses that they have refuted.
+  struct Checks {
+    uint64_t done = 0, refuted = 0;
+  };
+  Checks checks() const { return checks_; }
   /// What searching and following have done so far.
   SearchWork work() const;
 
@@ -75,14 +85,20 @@ class ObjectSearch {
     ObjectId object;
     DetectionPolicy policy;
     std::shared_ptr<const ViewpointModel> views;
-    std::unique_ptr<ObjectDetector> detector;
-    std::unique_ptr<ColorVerifier> colors;      ///< null: the mesh has none
-    std::unique_ptr<FeatureDetector> features;  ///< tried first; null: none were trained
-    bool by_features = false;                   ///< `found` by those
+    std::unique_ptr<ObjectDetector> detector = nullptr;
+    std::unique_ptr<ColorVerifier> colors = nullptr;      ///< null: the mesh has none
+    std::unique_ptr<FeatureDetector> features = nullptr;  ///< tried first; null: none were trained
+    bool by_features = false;                             ///< `found` by those
     Time last{};
     bool searched = false;
-    Detection found;
-    std::optional<Told> told;
+    Detection found = {};
+    std::optional<Told> told = {};
+    bool printed = false;  ///< see RigObject
+    bool refutes = false;  ///< `found` is another orientation than that of the track
+    int checks = 0;        ///< since it was found
+    Time checked{};        ///< last
+    /// Object as last checked from object as the images rather show it.
+    std::optional<Rigid3> suspicion = std::nullopt;
     Time missing_since{};  ///< first of the searches in a row that have not found it
     Duration pause{0};     ///< from `last` to the next search
   };
@@ -99,6 +115,9 @@ class ObjectSearch {
   bool tell(Message message);
   void take_messages();
   void search(Target& target, Time now, std::vector<Observation>& out);
+  static bool check_due(const Target& target, Time now, std::span<const PoseTrackPtr> tracks);
+  void check(Target& target, Time now, std::span<const PoseTrackPtr> tracks,
+             std::vector<Observation>& out);
   Detection look_where_told(Target& target, Time now);
   static Detection by_features(Target& target, PoseProposals proposals);
   Detection look_everywhere(Target& target);
@@ -113,6 +132,7 @@ class ObjectSearch {
   std::vector<CameraId> delivered_;  ///< cameras that have given a frame
   Time first_frame_{};
   SearchWork feature_work_;
+  Checks checks_;
   std::vector<Target> targets_;
   std::vector<std::unique_ptr<BackgroundModel>> backgrounds_;  ///< by CameraId; null: none
   std::vector<KnownObject> known_;

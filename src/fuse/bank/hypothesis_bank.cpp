@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "fuse/bank/hypothesis_bank.hpp"
 
+#include <algorithm>
+
 #include "fuse/bank/camera_record.hpp"
 #include "fuse/bank/hypothesis_selection.hpp"
 #include "fuse/bank/prediction.hpp"
@@ -22,6 +24,22 @@ BankState HypothesisBank::nothing_known() const {
   return state;
 }
 
+// Whether the set gives the pose in force up. Further cameras of the same detection come at times
+// of their own and find the new pose in force.
+bool HypothesisBank::refuted(Time time, std::span<const Observation> observations,
+                             const BankState& state) const {
+  constexpr double kOtherRotation = 0.25, kOtherPlace = 0.05;  // [rad, m]
+  if (state.count == 0) return false;
+  const Hypothesis& in_force = state.hypotheses[0];
+  const Rigid3 pose = predicted(in_force, time, in_force.motion, options_).world_from_object;
+  return std::any_of(observations.begin(), observations.end(), [&](const Observation& o) {
+    if (!o.refutes || o.terms.empty() || o.hypotheses.empty()) return false;
+    const Rigid3& proposed = o.hypotheses.front().world_from_object;
+    return rotation_angle(pose, proposed) > kOtherRotation ||
+           translation_distance(pose, proposed) > kOtherPlace;
+  });
+}
+
 void HypothesisBank::step(const BankState& before, Time time,
                           std::span<const Observation> observations, BankState& after) {
   after = before;
@@ -29,6 +47,8 @@ void HypothesisBank::step(const BankState& before, Time time,
   after.iterations = 0;
   after.started = after.reset = false;
   expire(time, options_, after);
+  const bool refuted_now = refuted(time, observations, after);
+  if (refuted_now) after.count = 0;
   collect(time, observations, after, symmetric_.unobservable_axis(), options_, set_);
   outcomes_.clear();
   if (!set_.measurements.empty()) {
@@ -41,6 +61,7 @@ void HypothesisBank::step(const BankState& before, Time time,
   }
   const Outcome* best = outcomes_.empty() ? nullptr : &outcomes_.front();
   const bool contradicted = record_observations(time, observations, best, options_, after);
+  after.reset |= refuted_now;
   publish(time, contradicted, options_, symmetric_, after);
 }
 

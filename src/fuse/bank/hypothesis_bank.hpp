@@ -31,6 +31,7 @@ class HypothesisBank {
             BankState& after);
 
  private:
+  bool refuted(Time time, std::span<const Observation> observations, const BankState& state) const;
   void update(const MeasurementSet& set, BankState& state, std::vector<Outcome>& outcomes);
 
   const EstimatorOptions options_;

@@ -214,6 +214,32 @@ class ObjectDetector::Impl {
     return out;
   }
 
+  OrientationComparison compare_orientations(const RigMotion& motion, Time time,
+                                             const ColorVerifier* colors) {
+    OrientationComparison out;
+    if (!frames_.select(false)) return out;
+    frames_.set_reference(time);
+    std::vector<RigMotion> starts = fitter_.rotated(motion);
+    starts.push_back(motion);
+    std::vector<ContourPose> poses = contours_.fit(frames_, starts);
+    if (colors != nullptr) weigh_by_colors(*colors, time, poses);
+    std::vector<ContourPose> others;
+    for (ContourPose& pose : poses) {
+      const Rigid3& fitted = pose.fit.motion.world_from_object;
+      if (center_distance(fitted, motion.world_from_object) > kOtherPlace * model().radius())
+        continue;
+      if (looks_alike(fitted, motion.world_from_object)) {
+        out.here = std::max(out.here, pose.score);
+      } else {
+        out.other = std::max(out.other, pose.score);
+        others.push_back(std::move(pose));
+      }
+    }
+    out.best.time = time;
+    if (!others.empty()) judge_.decide_by_contour(frames_, others, 0, 1, out.best);
+    return out;
+  }
+
   SearchWork work() const {
     SearchWork sum = bank_.work().sum();
     sum += fitter_.work().sum();
@@ -261,6 +287,15 @@ class ObjectDetector::Impl {
 
   double center_distance(const Rigid3& a, const Rigid3& b) const {
     return (a * model().center() - b * model().center()).norm();
+  }
+
+  // The same orientation, up to the symmetries of the shape.
+  bool looks_alike(const Rigid3& a, const Rigid3& b) const {
+    if (rotation_angle(a, b) < kSameFittedAngle) return true;
+    const auto turns = model().symmetry_rotations();
+    return std::any_of(turns.begin(), turns.end(), [&](const Rigid3& turn) {
+      return rotation_angle(a * turn, b) < kSameFittedAngle;
+    });
   }
 
   // It is in the volume in which the object can be.
@@ -415,6 +450,11 @@ PoseAssessment ObjectDetector::assess(const Rigid3& world_from_object) const {
 }
 Detection ObjectDetector::judge(const PoseProposals& proposals) { return impl_->judge(proposals); }
 Detection ObjectDetector::follow(const Detection& earlier) { return impl_->follow(earlier); }
+OrientationComparison ObjectDetector::compare_orientations(const Rigid3& world_from_object,
+                                                           const Vector6& twist, Time time,
+                                                           const ColorVerifier* colors) {
+  return impl_->compare_orientations({world_from_object, twist}, time, colors);
+}
 SearchWork ObjectDetector::work() const { return impl_->work(); }
 
 }  // namespace sightline

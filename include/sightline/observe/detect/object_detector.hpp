@@ -20,6 +20,13 @@
 
 namespace sightline {
 
+/// How a pose that is believed compares with other orientations at its place, by contours.
+struct OrientationComparison {
+  double here = 0;   ///< score of the pose, 0 .. 1
+  double other = 0;  ///< of the best in another orientation that its shape can tell from this one
+  Detection best;    ///< that one, with its observations; empty: there is none
+};
+
 /// Finds one object anywhere in the images of a calibrated rig: from its mesh alone, without
 /// training or prior pose. Four stages:
 /// - scan: every view, rotation, distance and position is tried in one camera (a different one each
@@ -80,6 +87,11 @@ class ObjectDetector {
   /// Moves accepted poses of an earlier detection to the newest frames and judges them again.
   /// A few milliseconds.
   Detection follow(const Detection& earlier);
+
+  /// Whether the newest frames show the object rather in another orientation than at this pose of
+  /// `time` with this twist (body frame). About 20 ms.
+  OrientationComparison compare_orientations(const Rigid3& world_from_object, const Vector6& twist,
+                                             Time time, const ColorVerifier* colors = nullptr);
 
   /// What all calls so far have done.
   SearchWork work() const;
