@@ -2,6 +2,7 @@
 #include "sightline/pipeline/object_search.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "sightline/base/log.hpp"
@@ -22,14 +23,18 @@ Result<std::unique_ptr<ColorVerifier>> make_color_verifier(
 }
 
 // Checks of a pose that is known: often after it was found, rarely later.
-constexpr int kEarlyChecks = 5;
-constexpr Duration kEarlyCheck = std::chrono::milliseconds(300);
+constexpr int kEarlyChecks = 8;
+constexpr Duration kEarlyCheck = std::chrono::milliseconds(120);
 constexpr Duration kDegradedCheck = std::chrono::seconds(1), kCheck = std::chrono::seconds(2);
 constexpr Duration kSecondCheck = std::chrono::milliseconds(80);  // after a suspicion
-// Another orientation has to score so much, and so much more than the one in force. At true poses
-// of twelve recordings it has 1.06 of it at most (docs/detection.md).
-constexpr double kMinOtherScore = 0.45, kOtherScoreRatio = 1.15;
-constexpr double kSameSuspicion = 0.35;  // [rad] between the orientations of two checks
+// Another orientation has to score so much. Of each check the logarithm of its score over that of
+// the orientation in force counts, less what chance gives (at true poses of twelve recordings it
+// has 1.06 of it at most, docs/detection.md), up to a bound: no single one decides.
+constexpr double kMinOtherScore = 0.45, kChance = 0.04, kMostOfCheck = 0.2, kEnoughSupport = 0.2;
+constexpr double kOtherScoreRatio = 1.15;  // one check that doubts the pose
+constexpr double kMinScoreHere = 0.3;      // at true poses that two cameras see: 0.4 and more
+constexpr int kDoubts = 2;                 // checks in a row that end in a search
+constexpr double kSameSuspicion = 0.35;    // [rad] between the orientations of two checks
 
 // Up to the symmetries of the shape.
 bool same_orientation(const Rigid3& a, const Rigid3& b, const ViewpointModel& views) {
@@ -263,9 +268,9 @@ bool ObjectSearch::check_due(const Target& target, Time now, std::span<const Pos
   const TrackState state = tracks[index]->newest().state;
   if (state != TrackState::kTracking && state != TrackState::kDegraded) return false;
   const Duration usual = state == TrackState::kTracking ? kCheck : kDegradedCheck;
-  const Duration pause = target.suspicion               ? kSecondCheck
-                         : target.checks < kEarlyChecks ? kEarlyCheck
-                                                        : usual;
+  const Duration pause = target.suspicion || target.doubts > 0 ? kSecondCheck
+                         : target.checks < kEarlyChecks        ? kEarlyCheck
+                                                               : usual;
   return now - target.checked >= pause;
 }
 
@@ -279,23 +284,48 @@ void ObjectSearch::check(Target& target, Time now, std::span<const PoseTrackPtr>
   const Rigid3& pose = at.estimate.world_from_object;
   OrientationComparison compared =
       target.detector->compare_orientations(pose, at.estimate.twist, now, target.colors.get());
-  const bool suspicious = compared.here > 0 && compared.other >= kMinOtherScore &&
-                          compared.other >= kOtherScoreRatio * compared.here;
   log::debug("check: {}: {:.2f} in its orientation, {:.2f} in another", target.object.index(),
              compared.here, compared.other);
-  const std::optional<Rigid3> before = std::exchange(target.suspicion, std::nullopt);
-  if (!suspicious || compared.best.poses.empty()) return;
-  const Rigid3 other = pose.inverse() * compared.best.poses.front().world_from_object;
-  if (!before || !same_orientation(*before, other, *target.views)) {
-    target.suspicion = other;
-    return;
+  Detection other;
+  if (turned(target, pose, compared)) {
+    other = target.policy.by_outline(std::move(compared.best), target.colors.get());
+  } else if (target.doubts >= kDoubts) {  // it may be covered; then nothing is found elsewhere
+    target.doubts = 0;
+    other = look_everywhere(target);
+    const bool elsewhere = !other.poses.empty() && differs(target, pose, other);
+    if (!elsewhere) other = {};
   }
-  target.found = target.policy.by_outline(std::move(compared.best), target.colors.get());
-  target.refutes = !target.found.poses.empty();
-  if (!target.refutes) return;
-  target.checks = 0;
+  if (other.poses.empty()) return;
+  target.found = std::move(other);
+  target.refutes = true;
+  target.checks = target.doubts = 0;
+  target.suspicion.reset();
   ++checks_.refuted;
   append(target.found, true, out);
+}
+
+// Whether the checks in a row that show it in the same other orientation are enough. What speaks
+// against the pose without naming another one is counted as a doubt.
+bool ObjectSearch::turned(Target& target, const Rigid3& pose,
+                          const OrientationComparison& compared) {
+  const std::optional<Suspicion> before = std::exchange(target.suspicion, std::nullopt);
+  const bool clear = compared.other >= kOtherScoreRatio * compared.here;
+  const bool possible = compared.other >= kMinOtherScore && !compared.best.poses.empty();
+  target.doubts = (possible && clear) || compared.here < kMinScoreHere ? target.doubts + 1 : 0;
+  if (!possible || !(compared.here > 0)) return false;
+  Suspicion now{pose.inverse() * compared.best.poses.front().world_from_object, 0};
+  now.support = std::min(std::log(compared.other / compared.here), kMostOfCheck) - kChance;
+  const bool again = before && same_orientation(before->other, now.other, *target.views);
+  if (again) now.support += before->support;
+  if (now.support > 0) target.suspicion = now;
+  return again && now.support >= kEnoughSupport;
+}
+
+bool ObjectSearch::differs(const Target& target, const Rigid3& pose, const Detection& found) {
+  const Rigid3& other = found.poses.front().world_from_object;
+  const Eigen::Vector3d& center = target.views->center();
+  return (other * center - pose * center).norm() > target.views->radius() ||
+         !same_orientation(pose, other, *target.views);
 }
 
 void ObjectSearch::search(Target& target, Time now, std::vector<Observation>& out) {
@@ -306,6 +336,7 @@ void ObjectSearch::search(Target& target, Time now, std::vector<Observation>& ou
   target.checks = 0;
   target.checked = now;
   target.suspicion.reset();
+  target.doubts = 0;
   const SearchWork before = work();
   target.found = look_where_told(target, now);
   if (target.found.poses.empty()) target.found = look_everywhere(target);

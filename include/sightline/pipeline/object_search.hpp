@@ -45,9 +45,11 @@ class ObjectSearch {
   /// not been found for 10 s: DetectConfig::max_load). One at a time, so that none is old news when
   /// the other is found. The observations are at the capture times of the frames, in order of time.
   ///
-  /// If no search is due, it checks the object whose check is due: whether the images show it
-  /// rather in another orientation than that of its track. Where two checks in a row say the same,
-  /// that orientation is returned, and its observations refute the pose in force.
+  /// If no search is due, it checks the object whose check is due: whether the images show it where
+  /// its track is, and rather in another orientation. Where checks in a row show the same other
+  /// orientation clearly enough, that is returned; where two speak against the pose without naming
+  /// another one, it is searched for everywhere, and returned if it is found elsewhere. Such
+  /// observations refute the pose in force.
   std::vector<Observation> search(Time now, std::span<const PoseTrackPtr> tracks);
   /// The same poses in newer frames, which may have come while the search ran. Replaces what
   /// search() returned; empty if they are not found there. Then the next call goes on from where
@@ -80,6 +82,11 @@ class ObjectSearch {
     Time until{};
     int tries = 0;  ///< so far
   };
+  /// Another orientation that checks in a row have shown.
+  struct Suspicion {
+    Rigid3 other;        ///< object as tracked from object as shown
+    double support = 0;  ///< sum of their log ratios of scores, less what chance gives
+  };
   /// An object that is searched for.
   struct Target {
     ObjectId object;
@@ -97,8 +104,8 @@ class ObjectSearch {
     bool refutes = false;  ///< `found` is another orientation than that of the track
     int checks = 0;        ///< since it was found
     Time checked{};        ///< last
-    /// Object as last checked from object as the images rather show it.
-    std::optional<Rigid3> suspicion = std::nullopt;
+    int doubts = 0;        ///< checks in a row that speak against it
+    std::optional<Suspicion> suspicion = std::nullopt;
     Time missing_since{};  ///< first of the searches in a row that have not found it
     Duration pause{0};     ///< from `last` to the next search
   };
@@ -118,6 +125,8 @@ class ObjectSearch {
   static bool check_due(const Target& target, Time now, std::span<const PoseTrackPtr> tracks);
   void check(Target& target, Time now, std::span<const PoseTrackPtr> tracks,
              std::vector<Observation>& out);
+  static bool turned(Target& target, const Rigid3& pose, const OrientationComparison& compared);
+  static bool differs(const Target& target, const Rigid3& pose, const Detection& found);
   Detection look_where_told(Target& target, Time now);
   static Detection by_features(Target& target, PoseProposals proposals);
   Detection look_everywhere(Target& target);
