@@ -68,9 +68,23 @@ OutOfSequenceBuffer::Place OutOfSequenceBuffer::insert(Time time, ObjectId objec
       add(observation, entry);
     }
     anything_new = true;
+    if (observation.refutes) forget_refinements_after(index);
   }
   const bool nothing_new = !anything_new;
   return {nothing_new ? Placement::kDuplicate : Placement::kPlaced, index};
+}
+
+// They were measured about a pose that is given up.
+void OutOfSequenceBuffer::forget_refinements_after(size_t index) {
+  for (size_t i = index + 1; i < entries_.size(); ++i) {
+    BufferedSet& entry = *entries_[i];
+    for (size_t k = 0; k < entry.used; ++k) {
+      Observation& observation = entry.slots[k];
+      if (!observation.hypotheses.empty()) continue;  // it stands alone
+      observation.terms.clear();
+      observation.symmetric_hypotheses.clear();
+    }
+  }
 }
 
 const BankState& OutOfSequenceBuffer::before(size_t index) const {

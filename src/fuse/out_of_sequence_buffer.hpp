@@ -32,7 +32,8 @@ class OutOfSequenceBuffer {
     size_t index = 0;  ///< of the entry that now holds the set; entries from here on are to replay
   };
   /// Files the observations of `object` in `set` under `time`. Observations of cameras that the
-  /// entry of this time has already are duplicates, unless only the later one saw the object.
+  /// entry of this time has already are duplicates, unless only the later one saw the object, or it
+  /// refutes the earlier one; then later entries lose what was measured about a known pose only.
   Place insert(Time time, ObjectId object, std::span<const Observation> set);
 
   size_t size() const { return entries_.size(); }
@@ -49,6 +50,7 @@ class OutOfSequenceBuffer {
 
  private:
   std::unique_ptr<BufferedSet> new_entry(Time time);
+  void forget_refinements_after(size_t index);
 
   Duration span_;
   size_t capacity_;

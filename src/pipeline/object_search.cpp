@@ -32,9 +32,10 @@ constexpr Duration kSecondCheck = std::chrono::milliseconds(80);  // after a sus
 // has 1.06 of it at most, docs/detection.md), up to a bound: no single one decides.
 constexpr double kMinOtherScore = 0.45, kChance = 0.04, kMostOfCheck = 0.2, kEnoughSupport = 0.2;
 constexpr double kOtherScoreRatio = 1.15;  // one check that doubts the pose
-constexpr double kMinScoreHere = 0.3;      // at true poses that two cameras see: 0.4 and more
-constexpr int kDoubts = 2;                 // checks in a row that end in a search
-constexpr double kSameSuspicion = 0.35;    // [rad] between the orientations of two checks
+constexpr double kGoodScore = 0.55;
+constexpr double kMinScoreHere = 0.42;   // at true poses that two cameras see: 0.46 and more
+constexpr int kDoubts = 2;               // checks in a row that end in a search
+constexpr double kSameSuspicion = 0.35;  // [rad] between the orientations of two checks
 
 // Up to the symmetries of the shape.
 bool same_orientation(const Rigid3& a, const Rigid3& b, const ViewpointModel& views) {
@@ -313,12 +314,14 @@ bool ObjectSearch::turned(Target& target, const Rigid3& pose,
   const bool possible = compared.other >= kMinOtherScore && !compared.best.poses.empty();
   target.doubts = (possible && clear) || compared.here < kMinScoreHere ? target.doubts + 1 : 0;
   if (!possible || !(compared.here > 0)) return false;
-  Suspicion now{pose.inverse() * compared.best.poses.front().world_from_object, 0};
+  Suspicion now{pose.inverse() * compared.best.poses.front().world_from_object, 0, clear};
   now.support = std::min(std::log(compared.other / compared.here), kMostOfCheck) - kChance;
   const bool again = before && same_orientation(before->other, now.other, *target.views);
   if (again) now.support += before->support;
   if (now.support > 0) target.suspicion = now;
-  return again && now.support >= kEnoughSupport;
+  // The one in force is wrong, even if it is not clear what is right.
+  const bool twice = before && before->clear && clear && compared.other >= kGoodScore;
+  return twice || (again && now.support >= kEnoughSupport);
 }
 
 bool ObjectSearch::differs(const Target& target, const Rigid3& pose, const Detection& found) {

@@ -259,6 +259,75 @@ TEST(LateData, LateMeasurementsOfASlowCameraImproveTheEstimate) {
   EXPECT_LT(together, alone);
 }
 
+// Observations of the rig as if the object were turned by a quarter: what follows the wrong
+// orientation measures, and a check refutes.
+std::vector<Observation> seen_turned(const SyntheticRig& rig, size_t set, const Rigid3& turn) {
+  std::vector<Observation> out;
+  const auto sets = rig.sets();
+  for (const Observation& observation : sets[set]) {
+    Observation turned = observation;
+    const Rigid3 pose = rig.truth(observation.capture) * turn;
+    LinearizedTerm term;
+    term.information.diagonal() << 1e4, 1e4, 1e4, 1e6, 1e6, 1e6;
+    term.residuals = 12;
+    term.cost = 6;
+    term.quality = 0.8;
+    turned.terms = {std::make_shared<const FrozenTerm>(pose, term)};
+    turned.hypotheses = {{pose, 6}};
+    out.push_back(turned);
+  }
+  return out;
+}
+
+TEST(Refuted, AnotherPoseTakesOverAlsoLateAndInFramesThatWereMeasured) {
+  RigOptions options = moving_rig(2);
+  options.phases = {0, 0};
+  const SyntheticRig rig(options);
+  const Rigid3 turn(Eigen::Quaterniond(Eigen::AngleAxisd(1.57, Eigen::Vector3d::UnitY())),
+                    Eigen::Vector3d::Zero());
+  auto estimator = make();
+  for (size_t i = 0; i < 12; ++i) {
+    std::vector<Observation> set = seen_turned(rig, i, turn);
+    for (Observation& observation : set) {
+      if (i > 0) observation.hypotheses.clear();  // measured about the pose that was found
+    }
+    estimator.process(set);
+  }
+  const auto error = [&] {
+    const PoseEstimate& newest = estimator.track()->newest();
+    return rotation_angle(newest.world_from_object, rig.truth(newest.time));
+  };
+  ASSERT_GT(error(), 1.5);
+  // The same frames once more, and what a search finds in them: neither is news.
+  EXPECT_TRUE(estimator.process(rig.sets()[8]).dropped);
+  ASSERT_GT(error(), 1.5);
+  std::vector<Observation> refuting = seen_turned(rig, 8, Rigid3());
+  for (Observation& observation : refuting) {
+    observation.refutes = true;
+    EXPECT_FALSE(estimator.process({&observation, 1}).dropped);
+  }
+  EXPECT_LT(error(), 0.25) << "what was measured about the old pose since does not bring it back";
+  EXPECT_EQ(estimator.counters().starts, 1u) << "it was known all the time";
+  for (size_t i = 12; i < 20; ++i) estimator.process(rig.sets()[i]);
+  EXPECT_LT(error(), 0.02);
+  EXPECT_EQ(estimator.state(), TrackState::kTracking);
+}
+
+TEST(Refuted, TheSamePoseGoesOn) {
+  const SyntheticRig rig(moving_rig(2));
+  auto estimator = make(), other = make();
+  run(rig, estimator);
+  for (const auto& set : rig.sets()) {
+    std::vector<Observation> refuting(set.begin(), set.end());
+    for (Observation& observation : refuting) observation.refutes = true;
+    other.process(refuting);
+  }
+  EXPECT_EQ(other.counters().resets, 0u);
+  EXPECT_EQ(translation_distance(other.track()->newest().world_from_object,
+                                 estimator.track()->newest().world_from_object),
+            0);
+}
+
 TEST(Coasting, PredictedErrorsAreNotUnderstated) {
   const std::array<int, 4> ahead_ms = {50, 100, 200, 300};
   std::array<double, 4> mean{};

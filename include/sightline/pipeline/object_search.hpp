@@ -86,6 +86,7 @@ class ObjectSearch {
   struct Suspicion {
     Rigid3 other;        ///< object as tracked from object as shown
     double support = 0;  ///< sum of their log ratios of scores, less what chance gives
+    bool clear = false;  ///< the last one alone
   };
   /// An object that is searched for.
   struct Target {

@@ -62,6 +62,7 @@ void HypothesisBank::step(const BankState& before, Time time,
   const Outcome* best = outcomes_.empty() ? nullptr : &outcomes_.front();
   const bool contradicted = record_observations(time, observations, best, options_, after);
   after.reset |= refuted_now;
+  after.started &= !refuted_now;  // it was known
   publish(time, contradicted, options_, symmetric_, after);
 }
 

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+// Poses that are believed are checked: another orientation that the images show rather is found,
+// and the right one is left alone.
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+
+#include "sightline/pipeline/object_search.hpp"
+#include "sightline/record/evaluate.hpp"
+#include "sightline/record/replay.hpp"
+
+namespace sightline {
+namespace {
+
+using namespace std::chrono_literals;
+
+const std::filesystem::path kDrill =
+    std::filesystem::path(SIGHTLINE_SOURCE_DIR) / "recordings" / "drill";
+
+struct Checked {
+  ObjectSearch::Checks checks;
+  double refuted_after = 0;  ///< [s]
+  double angle = 0;          ///< [rad] of what was returned from the truth
+  bool all_refute = true;
+};
+
+// The recording, with a track that says `tracking` of the true pose turned about its middle, until
+// it is refuted.
+Checked follow_turned(const Eigen::Quaterniond& turn, const Eigen::Vector3d& shift = {0, 0, 0}) {
+  Installation installation = recording_installation(kDrill).value();
+  installation.detect.silhouettes = false;
+  RigOptions options;
+  options.cache.clear();
+  const Rig rig = load_rig(installation, options).value();
+  const auto search = ObjectSearch::create(installation, rig).value();
+  const auto truth = read_truth(kDrill / "truth.csv").value();
+  const auto recording = std::make_shared<const Recording>(open_recording(kDrill).value());
+  const auto replay = VirtualReplay::open(recording).value();
+  const Eigen::Vector3d center = rig.objects.front().views->center();
+  Checked out;
+  Time first{};
+  while (const auto frames = replay->next().value()) {
+    const Time now = frames->front()->info().capture;
+    if (first == Time{}) first = now;
+    const auto there = truth_at(truth, now, 200ms);
+    if (!there) continue;
+    PoseEstimate estimate;
+    estimate.time = estimate.last_measured = now;
+    estimate.state = TrackState::kTracking;
+    estimate.world_from_object = Rigid3(Eigen::Quaterniond::Identity(), shift) * *there *
+                                 Rigid3(turn, center - turn * center);
+    const std::vector<PoseTrackPtr> tracks = {
+        std::make_shared<const PoseTrack>(ObjectId(0), std::vector{estimate}, MotionNoise())};
+    for (const FramePtr& frame : *frames) search->add_frame(frame->info().camera, *frame, tracks);
+    if (!search->complete(now) || !search->due(now, tracks)) continue;
+    const auto found = search->search(now, tracks);
+    out.checks = search->checks();
+    if (found.empty()) continue;
+    out.refuted_after = to_seconds(now - first);
+    for (const Observation& observation : found) {
+      out.all_refute &= observation.refutes;
+      out.angle =
+          std::max(out.angle, rotation_angle(observation.hypotheses.front().world_from_object,
+                                             *truth_at(truth, observation.capture, 200ms)));
+    }
+    break;
+  }
+  return out;
+}
+
+TEST(OrientationCheck, LeavesTheRightPoseAlone) {
+  const Checked checked = follow_turned(Eigen::Quaterniond::Identity());
+  EXPECT_GE(checked.checks.done, 8u);
+  EXPECT_EQ(checked.checks.refuted, 0u);
+}
+
+TEST(OrientationCheck, FindsWhichWayItIs) {
+  for (int axis = 0; axis < 3; ++axis) {
+    const Checked checked =
+        follow_turned(Eigen::Quaterniond(Eigen::AngleAxisd(3.14, Eigen::Vector3d::Unit(axis))));
+    EXPECT_EQ(checked.checks.refuted, 1u) << axis;
+    EXPECT_TRUE(checked.all_refute);
+    EXPECT_LT(checked.angle, 0.26) << axis;
+    std::printf("turned about axis %d: refuted after %.2f s\n", axis, checked.refuted_after);
+  }
+}
+
+TEST(OrientationCheck, WhatIsNotThereIsSearchedElsewhere) {
+  const Checked checked = follow_turned(Eigen::Quaterniond::Identity(), {0.25, 0, 0});
+  EXPECT_EQ(checked.checks.refuted, 1u);
+  EXPECT_LT(checked.angle, 0.26);
+}
+
+}  // namespace
+}  // namespace sightline
