@@ -3,7 +3,7 @@
 """The daemon on recordings in real time, from nothing, judged by what it records itself:
 
     bench/live/live.py [--bin build/release/bin] [--runs N] [--modalities region,edge,texture]
-                       [--copies N] [--unplugged CAMERA|first] [--compilers N] RECORDING ...
+                       [--copies N] [--unplugged CAMERA|first] [--compilers N] [--json] RECORDING ...
 
 Each run starts sightlined with the recording's cameras played once at their own pace, lets it record its poses, maps
 their capture times back onto the recording's (frames.csv of both) and compares them with truth.csv or keyframes.csv
@@ -183,11 +183,14 @@ def main():
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--modalities", default="region,edge,texture")
     parser.add_argument("--extra", default="", help="further lines of the configuration's head")
+    parser.add_argument("--json", action="store_true")
     parser.add_argument("--copies", type=int, default=1)
     parser.add_argument("--unplugged", default="", metavar="CAMERA|first")
     parser.add_argument("--compilers", type=int, default=0)
     options = parser.parse_args()
-    print(f"{'recording':12} {'object':10} {'pose %':>7} {'5cm+5deg %':>11} {'first s':>8} {'mm':>7} {'deg':>6} {'wrong':>6} {'load':>5}")
+    table = sys.stderr if options.json else sys.stdout
+    runs = []
+    print(f"{'recording':12} {'object':10} {'pose %':>7} {'5cm+5deg %':>11} {'first s':>8} {'mm':>7} {'deg':>6} {'wrong':>6} {'load':>5}", file=table)
     for recording in options.recordings:
         if not os.path.isfile(os.path.join(recording, "recording.toml")):
             print(f"live.py: {recording}: not a recording folder", file=sys.stderr)
@@ -205,10 +208,15 @@ def main():
                 shares.setdefault(name, []).append(within)
                 print(f"{os.path.basename(os.path.normpath(recording)):12} {name:10} {posed:7.1f} {within:11.1f} "
                       f"{first.get(name, float('nan')):8.2f} {best['errors']['median_mm']:7.2f} "
-                      f"{best['errors']['median_deg']:6.2f} {e['wrong_claims']:6} {load:5.1f}", flush=True)
+                      f"{best['errors']['median_deg']:6.2f} {e['wrong_claims']:6} {load:5.1f}", file=table, flush=True)
+                runs.append({"recording": os.path.basename(os.path.normpath(recording)), "object": name,
+                             "within_percent": within, "first_tracking_s": first.get(name),
+                             "wrong_claims": e["wrong_claims"], "median_mm": best["errors"]["median_mm"], "load": load})
         for name, values in shares.items():
             print(f"{os.path.basename(os.path.normpath(recording)):12} {name:10} median of {len(values)} runs: "
-                  f"{statistics.median(values):.1f} % within 5 cm + 5 deg", flush=True)
+                  f"{statistics.median(values):.1f} % within 5 cm + 5 deg", file=table, flush=True)
+    if options.json:
+        print(json.dumps(runs, indent=2))
     return 0
 
 

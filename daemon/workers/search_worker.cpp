@@ -36,6 +36,10 @@ SearchWorker::SearchWorker(std::unique_ptr<ObjectSearch> search, size_t cameras,
       searches_(registry.counter("sightline_searches_total",
                                  "Times an object was looked for in whole images")),
       found_(registry.counter("sightline_searches_found_total", "Searches that found an object")),
+      checks_(registry.counter("sightline_pose_checks_total",
+                               "Times a pose in force was compared with other orientations")),
+      refuted_(registry.counter("sightline_poses_refuted_total",
+                                "Poses in force that the images refuted: started anew")),
       seconds_(registry.gauge("sightline_search_seconds", "Duration of the newest search")),
       learns_(cameras),
       trail_(cameras),
@@ -113,8 +117,12 @@ void SearchWorker::search(const std::stop_token& stop, Heartbeat& heartbeat) {
   const Time start = MonotonicClock::now();
   const uint64_t forgotten = forgotten_;
   trail_.open();
+  const ObjectSearch::Checks before = search_->checks();
   std::vector<Observation> found = search_->search(start, tracks_);
-  searches_.add();
+  const ObjectSearch::Checks now = search_->checks();
+  const bool checked = now.done > before.done;
+  (checked ? checks_ : searches_).add();
+  if (now.refuted > before.refuted) refuted_.add();
   const auto go_on = [&] {
     heartbeat.beat();
     return !stop.stop_requested() && MonotonicClock::now() - start < kMaxCarry;
@@ -132,8 +140,9 @@ void SearchWorker::search(const std::stop_token& stop, Heartbeat& heartbeat) {
   trail_.close();
   if (forgotten != forgotten_) found.clear();  // of what was known before
   seconds_.set(to_seconds(MonotonicClock::now() - start));
-  if (!found.empty()) found_.add();
-  log::debug("find: searched {:.2f} s, {} steps to now, {}", searched_s, steps,
+  if (!found.empty() && !checked) found_.add();
+  log::debug("find: {} {:.2f} s, {} steps to now, {}", checked ? "checked" : "searched",
+             searched_s, steps,
              found.empty() ? std::string("nothing")
                            : fmt::format("{} observations, {:.2f} s old", found.size(),
                                          to_seconds(MonotonicClock::now() - found.back().capture)));

@@ -54,7 +54,7 @@ class SearchWorker {
   std::unique_ptr<ObjectSearch> search_;
   std::shared_ptr<TrackBoard> board_;
   std::function<void(Observation)> on_observation_;
-  Counter &searches_, &found_;
+  Counter &searches_, &found_, &checks_, &refuted_;
   Gauge& seconds_;
   std::atomic<bool> wanted_{true};
   std::vector<std::atomic<bool>> learns_;  // by CameraId: a frame is wanted for the background

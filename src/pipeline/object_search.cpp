@@ -23,9 +23,9 @@ Result<std::unique_ptr<ColorVerifier>> make_color_verifier(
 }
 
 // Checks of a pose that is known: often after it was found, rarely later.
-constexpr int kEarlyChecks = 8;
-constexpr Duration kEarlyCheck = std::chrono::milliseconds(120);
-constexpr Duration kDegradedCheck = std::chrono::seconds(1), kCheck = std::chrono::seconds(2);
+constexpr int kEarlyChecks = 4;
+constexpr Duration kEarlyCheck = std::chrono::milliseconds(150);
+constexpr Duration kDegradedCheck = std::chrono::milliseconds(500), kCheck = std::chrono::seconds(2);
 constexpr Duration kSecondCheck = std::chrono::milliseconds(80);  // after a suspicion
 // Another orientation has to score so much. Of each check the logarithm of its score over that of
 // the orientation in force counts, less what chance gives (at true poses of twelve recordings it
@@ -302,6 +302,9 @@ void ObjectSearch::check(Target& target, Time now, std::span<const PoseTrackPtr>
   target.checks = target.doubts = 0;
   target.suspicion.reset();
   ++checks_.refuted;
+  log::debug("check: {}: refuted, {:.0f} deg and {:.0f} mm off", target.object.index(),
+             57.3 * rotation_angle(pose, target.found.poses.front().world_from_object),
+             1e3 * translation_distance(pose, target.found.poses.front().world_from_object));
   append(target.found, true, out);
 }
 

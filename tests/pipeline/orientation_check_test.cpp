@@ -70,7 +70,7 @@ Checked follow_turned(const Eigen::Quaterniond& turn, const Eigen::Vector3d& shi
 
 TEST(OrientationCheck, LeavesTheRightPoseAlone) {
   const Checked checked = follow_turned(Eigen::Quaterniond::Identity());
-  EXPECT_GE(checked.checks.done, 8u);
+  EXPECT_GE(checked.checks.done, 4u);
   EXPECT_EQ(checked.checks.refuted, 0u);
 }
 

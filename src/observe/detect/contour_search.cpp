@@ -119,6 +119,20 @@ std::vector<ContourPose> ContourSearch::fit(const DetectorFrames& frames,
   return fits;
 }
 
+std::vector<ContourPose> ContourSearch::compare(const DetectorFrames& frames,
+                                                const RigMotion& motion,
+                                                std::span<const RigMotion> others) const {
+  std::vector<ContourPose> fits = fit(frames, others, kSearchReach, kFullFit);
+  // As it is, too: a fit may leave it.
+  fits.push_back(evaluate(frames, motion));
+  for (ContourPose& near : fit(frames, std::span(&motion, 1), kFinalReach, kFullFit)) {
+    fits.push_back(std::move(near));
+  }
+  sort_by_score(fits);
+  reorient(frames, fits);
+  return fits;
+}
+
 std::vector<ContourPose> ContourSearch::fit_promising(const DetectorFrames& frames,
                                                       std::span<const RigMotion> starts,
                                                       double reach, double known) const {

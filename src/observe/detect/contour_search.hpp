@@ -43,6 +43,10 @@ class ContourSearch {
   /// Poses that are fitted from these starts, and other orientations there. Best first.
   std::vector<ContourPose> fit(const DetectorFrames& frames,
                                std::span<const RigMotion> starts) const;
+  /// A pose as it is and fitted from close by, beside poses that are fitted from other starts, and
+  /// other orientations at the place of the best. Best first.
+  std::vector<ContourPose> compare(const DetectorFrames& frames, const RigMotion& motion,
+                                   std::span<const RigMotion> others) const;
   /// The score of a pose as it is.
   ContourPose evaluate(const DetectorFrames& frames, const RigMotion& motion) const;
 

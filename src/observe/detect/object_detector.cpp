@@ -219,9 +219,7 @@ class ObjectDetector::Impl {
     OrientationComparison out;
     if (!frames_.select(false)) return out;
     frames_.set_reference(time);
-    std::vector<RigMotion> starts = fitter_.rotated(motion);
-    starts.push_back(motion);
-    std::vector<ContourPose> poses = contours_.fit(frames_, starts);
+    std::vector<ContourPose> poses = contours_.compare(frames_, motion, fitter_.rotated(motion));
     if (colors != nullptr) weigh_by_colors(*colors, time, poses);
     std::vector<ContourPose> others;
     for (ContourPose& pose : poses) {
