@@ -6,10 +6,11 @@
 
 Runs `sightline detect --explain` on every recording, with its own objects and with N of the others' (whatever is best there
 is wrong). For each recording the least score of a believed pose and the most that a rival at another place may have of it
-are chosen on all the others: the most right poses without a wrong one, in the middle of the limits that reach that. Prints
-what those believe of the recording, beside what the limits chosen on all recordings believe, and the limits in force
-(0.6, 0.75: src/observe/detect/detect_constants.hpp). Only searches by contours are judged: by one set of frames, before
-colors, a second search or edges decide. Exits 2 for bad input."""
+are chosen on all the others: for the most right poses less five times the wrong ones, in the middle of the limits that reach
+that. Prints what those believe of the recording, beside what the limits chosen on all recordings believe, and the limits in
+force (0.6, 0.75: src/observe/detect/detect_constants.hpp). Judged is one search by contours alone, without a second one and
+without edges; colors count as there: what has a print must show it, and other colors ask for four fifths of the rival's
+limit. Exits 2 for bad input."""
 import argparse
 import concurrent.futures
 import json
@@ -17,16 +18,31 @@ import os
 import statistics
 import subprocess
 import sys
+import tomllib
 
 from false_alarms import load, object_name
 
 IN_FORCE = (0.6, 0.75)
+COST_OF_WRONG = 5
+PRINT, COLORS, SHARE_WITHOUT_COLORS = 0.4, 0.15, 0.8
 SCORES = [0.40 + 0.01 * i for i in range(50)]
 RIVALS = [0.40 + 0.02 * i for i in range(30)]
 
 
+def has_print(path):
+    folder = os.path.dirname(path)
+    with open(path, "rb") as file:
+        mesh = tomllib.load(file)["mesh"]
+    material = os.path.splitext(os.path.join(folder, mesh))[0] + ".mtl"
+    if not os.path.exists(material):
+        return False
+    with open(material, encoding="utf-8", errors="replace") as file:
+        return "map_Kd" in file.read()
+
+
 def looks(options, recording, other):
     """(score, share of the rival, right) of the best pose of each set."""
+    printed = {object_name(path): has_print(path) for path in ([other] if other else recording["objects"])}
     command = [os.path.join(options.bin, "sightline"), "detect", recording["folder"], "--explain", "--json", "--every",
                str(options.every)]
     if other:
@@ -35,9 +51,15 @@ def looks(options, recording, other):
     out = []
     for one in json.loads(text)["sets"]:
         e = one["explanation"]
-        if "best" in e and (other or "best_is_right" in e):
-            score = e["best_score"]
-            out.append((score, e["rival_score"] / score if score > 0 else 1, not other and e["best_is_right"]))
+        if "best" not in e or (not other and "best_is_right" not in e):
+            continue
+        score, colors = e["best_score"], e["at_best"]["colors"]
+        rival = e["rival_score"] / score if score > 0 else 1
+        if printed[one["object"]] and colors < PRINT:
+            score = 0
+        if colors != 0 and colors < COLORS:
+            rival /= SHARE_WITHOUT_COLORS
+        out.append((score, rival, not other and e["best_is_right"]))
     return out
 
 
@@ -47,16 +69,16 @@ def believed(samples, limits):
 
 
 def choose(samples):
-    """The middle of the limits with most right ones and none that is wrong."""
-    best, limits = -1, []
+    """The middle of the best limits."""
+    best, limits = None, []
     for score in SCORES:
         for rival in RIVALS:
             right, wrong = believed(samples, (score, rival))
-            if wrong or right < best:
-                continue
-            if right > best:
-                best, limits = right, []
-            limits.append((score, rival))
+            value = right - COST_OF_WRONG * wrong
+            if best is None or value > best:
+                best, limits = value, []
+            if value == best:
+                limits.append((score, rival))
     return statistics.median(a for a, _ in limits), statistics.median(b for _, b in limits)
 
 

@@ -141,8 +141,8 @@ void SearchWorker::search(const std::stop_token& stop, Heartbeat& heartbeat) {
   if (forgotten != forgotten_) found.clear();  // of what was known before
   seconds_.set(to_seconds(MonotonicClock::now() - start));
   if (!found.empty() && !checked) found_.add();
-  log::debug("find: {} {:.2f} s, {} steps to now, {}", checked ? "checked" : "searched",
-             searched_s, steps,
+  log::debug("find: {} {:.2f} s, {} steps to now, {}", checked ? "checked" : "searched", searched_s,
+             steps,
              found.empty() ? std::string("nothing")
                            : fmt::format("{} observations, {:.2f} s old", found.size(),
                                          to_seconds(MonotonicClock::now() - found.back().capture)));

@@ -25,7 +25,8 @@ Result<std::unique_ptr<ColorVerifier>> make_color_verifier(
 // Checks of a pose that is known: often after it was found, rarely later.
 constexpr int kEarlyChecks = 4;
 constexpr Duration kEarlyCheck = std::chrono::milliseconds(150);
-constexpr Duration kDegradedCheck = std::chrono::milliseconds(500), kCheck = std::chrono::seconds(2);
+constexpr Duration kDegradedCheck = std::chrono::milliseconds(500);
+constexpr Duration kCheck = std::chrono::seconds(2);
 constexpr Duration kSecondCheck = std::chrono::milliseconds(80);  // after a suspicion
 // Another orientation has to score so much. Of each check the logarithm of its score over that of
 // the orientation in force counts, less what chance gives (at true poses of twelve recordings it

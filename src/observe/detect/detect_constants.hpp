@@ -84,17 +84,15 @@ constexpr double kVariantAngle = 0.15;     // [rad]
 constexpr double kMinContourScore = 0.6;   // of a pose that is believed
 constexpr double kMinFollowedContour = 0.45;
 constexpr double kMinCameraContour = 0.3;  // of a camera that shows something at a pose
-// Of the best, at another place. Chosen on `bench` alone: at 0.82 its carton is found by the third
-// search and not by the first.
-constexpr double kMaxRivalEvidence = 0.93;
 constexpr double kMaxContourRival = 0.75;  // of the best, at another place
 // The same where the mesh has colors and the images do not show them: another paint, or another
 // thing.
 constexpr double kNoColorsAgree = 0.15, kMaxContourRivalWithoutColors = 0.6;
 constexpr double kOtherPlace = 1.0;  // of the radius
-// A score that is so much more than the best rival's is believed at once, less when a second search
-// finds the same, as far as it can have moved at these speeds [m/s, rad/s].
-constexpr double kClearContourMargin = 0.2;
+// A score so much more than the best rival's is believed at once, if it is so high or the mesh's
+// colors agree (a mesh without has none that do not); else when a second search finds the same, as
+// far as it can have moved at these speeds [m/s, rad/s].
+constexpr double kClearContourScore = 0.7, kClearContourMargin = 0.2;
 constexpr double kWeakSpeed = 1.0, kWeakTurnRate = 3.0;
 constexpr double kMaxSecondsBetweenWeak = 1.5;
 

@@ -91,7 +91,7 @@ void DetectionJudge::decide(const DetectorFrames& frames, std::vector<JudgedPose
     const bool possible = (acceptable(pose, frames.size()) || pose.proposal != nullptr) &&
                           pose.evidence >= options_.margin * best.evidence;
     // Clutter has many such places, the object one.
-    if (possible && elsewhere(pose, best) && pose.evidence >= kMaxRivalEvidence * best.evidence) {
+    if (possible && elsewhere(pose, best)) {
       out.runner_up = pose.evidence;
       return;
     }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <optional>
 
+#include "observe/detect/check_options.hpp"
 #include "observe/detect/colors/contour_colors.hpp"
 #include "observe/detect/contour_search.hpp"
 #include "observe/detect/detect_constants.hpp"
@@ -19,31 +20,6 @@
 namespace sightline {
 
 using namespace observe;
-
-namespace {
-
-Status check(const DetectorOptions& o, size_t cameras) {
-  const auto refuse = [](const char* what) {
-    return make_error(ErrorCode::kInvalidInput, "detector", "{}", what);
-  };
-  if (cameras == 0) return refuse("no camera to look through");
-  if (!(o.nearest >= 0) || !(o.farthest >= 0) || (o.farthest > 0 && o.farthest <= o.nearest)) {
-    return refuse("nearest and farthest must be distances in meters, nearest first");
-  }
-  if (!(o.accept > 0) || !(o.margin > 0 && o.margin <= 1)) {
-    return refuse("accept must be positive, margin above 0 and at most 1");
-  }
-  if (!(o.min_diameter_px > 0) || !(o.min_silhouette_px > 0) || !(o.max_height_share > 0) ||
-      o.max_age < Duration(0) || !(o.usual_speed >= 0)) {
-    return refuse("sizes must be positive, max_age and usual_speed not negative");
-  }
-  if (o.scan_hits < 10 || !(o.sigma_px > 0) || !(o.independent > 0 && o.independent <= 1)) {
-    return refuse("scan_hits, sigma_px and independent must be positive");
-  }
-  return {};
-}
-
-}  // namespace
 
 class ObjectDetector::Impl {
  public:
@@ -357,14 +333,15 @@ class ObjectDetector::Impl {
     found.time = time;
     if (contours.empty()) return found;
     const RigMotion& best = contours.front().fit.motion;
-    const bool other_colors =
-        colors != nullptr &&
-        colors->correlation(best.world_from_object, best.twist, time) < kNoColorsAgree;
-    judge_.decide_by_contour(frames_, contours, kMinContourScore,
-                             other_colors ? kMaxContourRivalWithoutColors : kMaxContourRival,
-                             found);
+    const double agreement =
+        colors != nullptr ? colors->correlation(best.world_from_object, best.twist, time) : 1;
+    judge_.decide_by_contour(
+        frames_, contours, kMinContourScore,
+        agreement < kNoColorsAgree ? kMaxContourRivalWithoutColors : kMaxContourRival, found);
     if (found.poses.empty()) return found;
-    const bool clear = found.poses.front().evidence - found.runner_up >= kClearContourMargin;
+    const double score = found.poses.front().evidence;
+    const bool clear = score - found.runner_up >= kClearContourMargin &&
+                       (score >= kClearContourScore || agreement >= kColorsAgree);
     const bool confirmed =
         clear || as_told(found) || (weakly_found_ && consistent(*weakly_found_, found));
     weakly_found_.reset();
