@@ -313,6 +313,30 @@ TEST(Refuted, AnotherPoseTakesOverAlsoLateAndInFramesThatWereMeasured) {
   EXPECT_EQ(estimator.state(), TrackState::kTracking);
 }
 
+TEST(Claims, OfTwoCamerasThatDisagreeNoneIsBelieved) {
+  for (const int cameras : {2, 3}) {
+    RigOptions options = moving_rig(cameras);
+    options.phases.assign(static_cast<size_t>(cameras), 0);
+    const SyntheticRig rig(options);
+    const Rigid3 shift(Eigen::Quaterniond::Identity(), {0.1, 0, 0});
+    auto estimator = make();
+    int tracking = 0;
+    const auto sets = rig.sets();
+    for (size_t i = 0; i < sets.size(); ++i) {
+      std::vector<Observation> set = sets[i];
+      // From the tenth set on the last camera sees it 10 cm away.
+      if (i >= 10) set.back() = seen_turned(rig, i, shift).back();
+      const UpdateReport report = estimator.process(set);
+      if (i >= 12) tracking += report.estimate.state == TrackState::kTracking;
+    }
+    if (cameras == 2) {
+      EXPECT_EQ(tracking, 0);
+    } else {
+      EXPECT_GT(tracking, static_cast<int>(sets.size()) / 2) << "two against one";
+    }
+  }
+}
+
 TEST(Refuted, TheSamePoseGoesOn) {
   const SyntheticRig rig(moving_rig(2));
   auto estimator = make(), other = make();

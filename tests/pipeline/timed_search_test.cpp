@@ -13,12 +13,12 @@ namespace {
 const std::filesystem::path kBench =
     std::filesystem::path(SIGHTLINE_SOURCE_DIR) / "recordings" / "bench";
 
-// `bench` without its markers: the carton is found in the first frames.
+// `bench` without its markers: the carton is found in the first frames, by its print.
 class TimedSearchTest : public testing::Test {
  protected:
   static void SetUpTestSuite() {
     installation_ = std::make_unique<Installation>(recording_installation(kBench).value());
-    installation_->objects.front().description.modalities.fiducial = false;
+    installation_->objects.front().description.modalities = {false, true, true, true};
     RigOptions options;
     options.cache.clear();
     rig_ = std::make_unique<Rig>(load_rig(*installation_, options).value());

@@ -106,6 +106,15 @@ CameraSet holding_cameras(Time time, const EstimatorOptions& options, const Bank
   return holding;
 }
 
+int refused_cameras(Time time, const EstimatorOptions& options, const BankState& state) {
+  int refused = 0;
+  for (CameraSet left = state.known; left != 0; left &= left - 1) {
+    const CameraRecord& record = state.cameras[static_cast<size_t>(std::countr_zero(left))];
+    refused += record.refused && time - record.last_observation <= hold(record, options) ? 1 : 0;
+  }
+  return refused;
+}
+
 bool record_observations(Time time, std::span<const Observation> set, const Outcome* best,
                          const EstimatorOptions& options, BankState& state) {
   const CameraSet accepted = best != nullptr ? best->accepted : 0;

@@ -17,6 +17,9 @@ Time held_until(const BankState& state, const EstimatorOptions& options);
 
 /// Cameras that hold the object at `time`: they saw it in their newest frame, not too long ago.
 CameraSet holding_cameras(Time time, const EstimatorOptions& options, const BankState& state);
+/// How many see the object elsewhere: refused in their newest frame, as recent as those that hold
+/// it.
+int refused_cameras(Time time, const EstimatorOptions& options, const BankState& state);
 
 /// Notes for every camera of the set what became of its observation under `best` (null: no
 /// hypothesis). True if all that was measured contradicts it and a camera that agreed so far is

@@ -63,6 +63,8 @@ void classify(Time time, bool contradicted, const EstimatorOptions& options,
     out.degraded_reasons = symmetric.ambiguous(state.hypotheses[0]) ? kAmbiguous : 0;
     return;
   }
+  // Of as many cameras that say one thing as say another nobody knows which are right.
+  contradicted |= refused_cameras(time, options, state) >= holding;
   out.degraded_reasons = degraded_reasons_of(holding, contradicted, options, symmetric, state);
   out.state = out.degraded_reasons == 0 ? TrackState::kTracking : TrackState::kDegraded;
 }
