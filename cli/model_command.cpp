@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <string>
 #include <vector>
 
@@ -14,6 +15,7 @@
 #include "cpu_time.hpp"
 #include "report.hpp"
 #include "sightline/config/object_file.hpp"
+#include "sightline/observe/shape/near_symmetry.hpp"
 #include "sightline/pipeline/mesh_depth_renderer.hpp"
 #include "sightline/pipeline/object_views.hpp"
 #include "sightline/record/overlay_video.hpp"
@@ -66,6 +68,41 @@ Json statistics(const ViewpointModel& model) {
               {"silhouette_largest_cm2", 1e4 * double{largest_area}}};
 }
 
+Json to_json(const Eigen::Vector3d& v) {
+  Json out = Json::array();
+  for (int i = 0; i < 3; ++i) out.push_back(std::round(100 * v[i]) / 100);
+  return out;
+}
+
+double percent(double share) { return std::round(1000 * share) / 10; }
+
+Json to_json(const NearSymmetry& symmetry, bool any_turn) {
+  const double degrees = std::round(symmetry.turn.angle() * 180 / std::numbers::pi);
+  return {{"axis", to_json(symmetry.turn.axis())},
+          {"turn_deg", degrees},
+          {"any_turn", any_turn},
+          {"silhouette_differs_percent", percent(symmetry.mean.silhouette)},
+          {"surface_differs_percent", percent(symmetry.mean.surface)},
+          {"least_percent", percent(symmetry.least)},
+          {"hidden_from", to_json(symmetry.hides)},
+          {"most_percent", percent(symmetry.most)},
+          {"shown_from", to_json(symmetry.shows)}};
+}
+
+// What tells turns of the object apart, in a line each.
+void print_near_symmetries(const Json& symmetries) {
+  for (const Json& s : symmetries) {
+    fmt::print(
+        "{:<26} {}{:.0f} deg about {}: {:.1f} % of the silhouette differ ({:.1f} % seen from {}, "
+        "{:.1f} % from {}), {:.1f} % of the surface\n",
+        "nearly symmetric", s["any_turn"] ? "every turn; at most " : "",
+        s["turn_deg"].get<double>(), s["axis"].dump(),
+        s["silhouette_differs_percent"].get<double>(), s["least_percent"].get<double>(),
+        s["hidden_from"].dump(), s["most_percent"].get<double>(), s["shown_from"].dump(),
+        s["surface_differs_percent"].get<double>());
+  }
+}
+
 Result<Json> run(const ModelOptions& options) {
   SL_ASSIGN(const TriangleMesh mesh, load(options));
   const auto render_mesh = std::make_shared<const RenderMesh>(make_render_mesh(mesh));
@@ -82,6 +119,13 @@ Result<Json> run(const ModelOptions& options) {
     json["cache"] = (folder / ViewpointModel::cache_name(model->key())).string();
   }
   json.update(statistics(*model));
+  SL_ASSIGN(const NearSymmetries near, find_near_symmetries(mesh, factory));
+  json["nearly_symmetric"] = Json::array();
+  for (const NearSymmetry& axis : near.axes)
+    json["nearly_symmetric"].push_back(to_json(axis, true));
+  for (const NearSymmetry& turn : near.turns) {
+    json["nearly_symmetric"].push_back(to_json(turn, false));
+  }
   if (!options.contact_sheet.empty()) {
     SL_ASSIGN(const auto sheet, draw_contact_sheet(*model, factory));
     SL_RETURN_IF_ERROR(write_png(options.contact_sheet, sheet->view()));
@@ -98,6 +142,10 @@ int model(const ModelOptions& options) {
     return 0;
   }
   for (const auto& [key, value] : made->items()) {
+    if (value.is_array()) {
+      print_near_symmetries(value);
+      continue;
+    }
     fmt::print("{:<26} {}\n", key, value.is_string() ? value.get<std::string>() : value.dump());
   }
   return 0;
