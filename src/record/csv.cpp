@@ -37,7 +37,7 @@ Result<CsvLines> CsvLines::open(const std::filesystem::path& path) {
 Status CsvLines::fill() {
   const size_t kept = rest_.size();
   if (buffer_.size() < kLongestLine + kPiece) buffer_.resize(kLongestLine + kPiece);
-  std::memmove(buffer_.data(), rest_.data(), kept);
+  if (kept > 0) std::memmove(buffer_.data(), rest_.data(), kept);
   rest_ = {buffer_.data(), kept};
   ssize_t got = 0;
   do {
