@@ -288,6 +288,7 @@ void ObjectSearch::check(Target& target, Time now, std::span<const PoseTrackPtr>
       target.detector->compare_orientations(pose, at.estimate.twist, now, target.colors.get());
   log::debug("check: {}: {:.2f} in its orientation, {:.2f} in another", target.object.index(),
              compared.here, compared.other);
+  if (compared.here == 0 && compared.other == 0) return;  // no frame to look at
   Detection other;
   if (turned(target, pose, compared)) {
     other = target.policy.by_outline(std::move(compared.best), target.colors.get());

@@ -266,6 +266,10 @@ class ObjectDetector::Impl {
   // The same orientation, up to the symmetries of the shape.
   bool looks_alike(const Rigid3& a, const Rigid3& b) const {
     if (rotation_angle(a, b) < kSameFittedAngle) return true;
+    if (const auto& axis = model().symmetry_axis()) {
+      const Eigen::Vector3d u = a.rotation * axis->direction, v = b.rotation * axis->direction;
+      if (std::atan2(u.cross(v).norm(), u.dot(v)) < kSameFittedAngle) return true;
+    }
     const auto turns = model().symmetry_rotations();
     return std::any_of(turns.begin(), turns.end(), [&](const Rigid3& turn) {
       return rotation_angle(a * turn, b) < kSameFittedAngle;
