@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "compare.hpp"
+#include "sightline/base/time.hpp"
 #include "sightline/render/mesh/level_of_detail.hpp"
 #include "sightline/render/mesh/render_mesh.hpp"
 #include "sightline/render/overlay/camera_renderer.hpp"

@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 #include <signal.h>
 #include <spawn.h>
-#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -15,6 +14,7 @@
 #include <thread>
 
 #include "sightline/base/thread.hpp"
+#include "sightline/base/time.hpp"
 #include "sightline/geometry/mesh.hpp"
 #include "sightline/image/convert.hpp"
 #include "sightline/render/mesh/render_mesh.hpp"
@@ -107,15 +107,6 @@ class FootageSource : public FrameSource {
   uint64_t sequence_ = 0;
   SourceInfo info_;
 };
-
-double process_cpu_ms() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  const auto ms = [](const timeval& t) {
-    return static_cast<double>(t.tv_sec) * 1e3 + static_cast<double>(t.tv_usec) * 1e-3;
-  };
-  return ms(usage.ru_utime) + ms(usage.ru_stime);
-}
 
 EncoderOptions encoder_options(const Footage& footage) {
   EncoderOptions options;

@@ -69,17 +69,17 @@ class Stopwatch {
   explicit Stopwatch(Json& out) : out_(out) {}
   void lap(const char* phase) {
     const auto now = std::chrono::steady_clock::now();
-    const double cpu = bench::cpu_ms();
+    const double cpu = process_cpu_ms();
     out_[phase] = {{"s", std::chrono::duration<double>(now - wall_).count()},
                    {"cpu_s", 1e-3 * (cpu - cpu_)}};
     wall_ = std::chrono::steady_clock::now();
-    cpu_ = bench::cpu_ms();
+    cpu_ = process_cpu_ms();
   }
 
  private:
   Json& out_;
   std::chrono::steady_clock::time_point wall_ = std::chrono::steady_clock::now();
-  double cpu_ = bench::cpu_ms();
+  double cpu_ = process_cpu_ms();
 };
 
 struct Camera {

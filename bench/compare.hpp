@@ -40,7 +40,4 @@ struct ElementCost {
 };
 std::vector<ElementCost> gstreamer_costs(int width, int height, int frames);
 
-/// Of the whole process, all threads [ms].
-double process_cpu_ms();
-
 }  // namespace sightline::compare

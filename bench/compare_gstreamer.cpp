@@ -2,9 +2,8 @@
 // GStreamer's own overlay elements in a pipeline of I420 frames.
 #include <gst/gst.h>
 
-#include <sys/resource.h>
-
 #include "compare.hpp"
+#include "sightline/base/time.hpp"
 
 namespace sightline::compare {
 namespace {
@@ -37,15 +36,6 @@ std::optional<double> run(const std::string& elements, int width, int height, in
 }
 
 }  // namespace
-
-double process_cpu_ms() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  const auto ms = [](const timeval& t) {
-    return 1e3 * static_cast<double>(t.tv_sec) + 1e-3 * static_cast<double>(t.tv_usec);
-  };
-  return ms(usage.ru_utime) + ms(usage.ru_stime);
-}
 
 std::vector<ElementCost> gstreamer_costs(int width, int height, int frames) {
   gst_init(nullptr, nullptr);

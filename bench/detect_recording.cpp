@@ -20,7 +20,6 @@
 namespace sightline {
 namespace {
 
-using bench::cpu_ms;
 using bench::quantile;
 
 struct Arguments {
@@ -128,10 +127,10 @@ Result<Score> play(const Arguments& arguments) {
       detector->add_frame(frame->info().camera, *frame);
     }
     if (seconds < arguments.from || seconds > arguments.to || set % arguments.every != 0) continue;
-    const double before = cpu_ms();
+    const double before = process_cpu_ms();
     const PoseProposals proposals = finder->propose();
     const Detection found = detector->judge(proposals);
-    score.cpu.push_back(cpu_ms() - before);
+    score.cpu.push_back(process_cpu_ms() - before);
     ++score.sets;
     std::string line = fmt::format("{:6.3f} s: ", seconds);
     if (found.poses.empty()) {

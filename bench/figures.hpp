@@ -2,17 +2,11 @@
 #pragma once
 
 #include <algorithm>
-#include <ctime>
 #include <vector>
 
-namespace sightline::bench {
+#include "sightline/base/time.hpp"
 
-/// CPU time of the process, all threads [ms].
-inline double cpu_ms() {
-  timespec now{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) * 1e3 + static_cast<double>(now.tv_nsec) * 1e-6;
-}
+namespace sightline::bench {
 
 /// The value below which the share `q` lies; 0 of nothing.
 inline double quantile(std::vector<double> values, double q) {

@@ -16,8 +16,6 @@
 namespace sightline {
 namespace {
 
-using bench::cpu_ms;
-
 struct Arguments {
   std::filesystem::path recording, object, features;
   size_t every = 1;
@@ -41,9 +39,9 @@ Result<Installation> installation_of(const Arguments& arguments) {
 template <typename Call>
 void measure(const char* what, ObjectSearch& search, const Call& call) {
   const SearchWork before = search.work();
-  const double start = cpu_ms();
+  const double start = process_cpu_ms();
   const bool found = !call().empty();
-  const double cpu = cpu_ms() - start;
+  const double cpu = process_cpu_ms() - start;
   SearchWork w = search.work();
   w -= before;
   fmt::print("{},{},{},{},{},{},{},{},{},{},{},{},{:.2f},{:.2f}\n", what, found ? 1 : 0, w.images,

@@ -20,7 +20,6 @@
 namespace sightline {
 namespace {
 
-using bench::cpu_ms;
 using bench::quantile;
 
 struct Arguments {
@@ -81,9 +80,9 @@ class Run {
         const size_t camera = frame->info().camera.index();
         if (arguments_.off.find(names_[camera]) != std::string::npos) continue;
         frame->i420();
-        const double start = cpu_ms();
+        const double start = process_cpu_ms();
         chain_->observe({frame->info().camera, frame});
-        cpu_.push_back(cpu_ms() - start);
+        cpu_.push_back(process_cpu_ms() - start);
         if (lost && set.back().terms.empty()) propose(*frame, set.back());
         note(*frame, set.back());
       }

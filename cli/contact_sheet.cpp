@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "sightline/image/convert.hpp"
+
 namespace sightline::cli {
 namespace {
 
@@ -17,9 +19,9 @@ constexpr Color kYellow{210, 16, 146}, kGreen{145, 54, 34}, kBlue{120, 200, 90};
 class Sheet {
  public:
   Sheet() : image_(std::make_shared<Image>(kColumns * kCell, kRows * kCell)) {
-    fill(image_->mutable_view().y, 16);
-    fill(image_->mutable_view().u, 128);
-    fill(image_->mutable_view().v, 128);
+    fill_plane(image_->mutable_view().y, 16);
+    fill_plane(image_->mutable_view().u, 128);
+    fill_plane(image_->mutable_view().v, 128);
   }
 
   void dot(int x, int y, const Color& color) {
@@ -32,9 +34,6 @@ class Sheet {
   const std::shared_ptr<Image>& image() const { return image_; }
 
  private:
-  static void fill(const MutablePlaneView& plane, uint8_t value) {
-    for (int y = 0; y < plane.height; ++y) std::fill_n(plane.row(y), plane.width, value);
-  }
   std::shared_ptr<Image> image_;
 };
 

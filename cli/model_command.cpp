@@ -12,8 +12,8 @@
 
 #include "commands.hpp"
 #include "contact_sheet.hpp"
-#include "cpu_time.hpp"
 #include "report.hpp"
+#include "sightline/base/time.hpp"
 #include "sightline/config/object_file.hpp"
 #include "sightline/observe/shape/near_symmetry.hpp"
 #include "sightline/pipeline/mesh_depth_renderer.hpp"
@@ -111,10 +111,10 @@ Result<Json> run(const ModelOptions& options) {
   const auto folder = options.no_cache        ? std::filesystem::path()
                       : options.cache.empty() ? cache_folder()
                                               : options.cache;
-  const double start = cpu_ms();
+  const double start = process_cpu_ms();
   SL_ASSIGN(const auto model, ViewpointModel::load_or_build(mesh, factory, model_options, folder));
   Json json{{"file", options.file.string()}, {"faces", mesh.faces.size()}};
-  json["cpu_ms"] = std::round(cpu_ms() - start);
+  json["cpu_ms"] = std::round(process_cpu_ms() - start);
   if (!folder.empty()) {
     json["cache"] = (folder / ViewpointModel::cache_name(model->key())).string();
   }

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "sightline/image/convert.hpp"
 #include "superimpose.hpp"
 
 namespace sightline::cli {
@@ -19,37 +20,25 @@ OverlayStyle outline_in(const Rgb& color) {
   return style;
 }
 
-// Every `step`-th pixel of every `step`-th row, averaged.
-void shrink(const PlaneView& from, int step, const MutablePlaneView& to) {
-  for (int y = 0; y < to.height; ++y) {
-    for (int x = 0; x < to.width; ++x) {
-      int sum = 0;
-      for (int dy = 0; dy < step; ++dy) {
-        for (int dx = 0; dx < step; ++dx) sum += from.row(y * step + dy)[x * step + dx];
-      }
-      to.row(y)[x] = static_cast<uint8_t>(sum / (step * step));
-    }
+// An odd last row or column takes no part.
+void halve(const PlaneView& from, const MutablePlaneView& to) {
+  halve_plane({from.data, 2 * to.width, 2 * to.height, from.stride}, to);
+}
+
+// Halved until it fits into a cell.
+std::shared_ptr<const Image> shrunk(std::shared_ptr<const Image> image) {
+  while (image->width() > kMaxCell) {
+    auto half = std::make_shared<Image>(image->width() / 4 * 2, image->height() / 4 * 2);
+    halve(image->view().y, half->mutable_view().y);
+    halve(image->view().u, half->mutable_view().u);
+    halve(image->view().v, half->mutable_view().v);
+    image = std::move(half);
   }
+  return image;
 }
 
-std::shared_ptr<const Image> shrunk(const std::shared_ptr<const Image>& image) {
-  const int step = (image->width() + kMaxCell - 1) / kMaxCell;
-  if (step == 1) return image;
-  auto out = std::make_shared<Image>(image->width() / step / 2 * 2, image->height() / step / 2 * 2);
-  shrink(image->view().y, step, out->mutable_view().y);
-  shrink(image->view().u, step, out->mutable_view().u);
-  shrink(image->view().v, step, out->mutable_view().v);
-  return out;
-}
-
-void copy(const PlaneView& from, const MutablePlaneView& to, int left, int top) {
-  for (int y = 0; y < from.height; ++y) {
-    std::copy_n(from.row(y), from.width, to.row(top + y) + left);
-  }
-}
-
-void fill(const MutablePlaneView& plane, uint8_t value) {
-  for (int y = 0; y < plane.height; ++y) std::fill_n(plane.row(y), plane.width, value);
+MutablePlaneView part(const MutablePlaneView& plane, int left, int top, const PlaneView& size) {
+  return {plane.row(top) + left, size.width, size.height, plane.stride};
 }
 
 struct Outline {
@@ -103,16 +92,15 @@ std::shared_ptr<const Image> SearchSheet::draw() const {
   auto sheet = std::make_shared<Image>(static_cast<int>(columns) * cell_width,
                                        static_cast<int>(rows_.size()) * cell_height);
   const MutableI420View view = sheet->mutable_view();
-  fill(view.y, 16);
-  fill(view.u, 128);
-  fill(view.v, 128);
+  fill_plane(view.y, 16);
+  fill_plane(view.u, 128);
+  fill_plane(view.v, 128);
   for (size_t r = 0; r < rows_.size(); ++r) {
     for (size_t c = 0; c < rows_[r].size(); ++c) {
       const int left = static_cast<int>(c) * cell_width, top = static_cast<int>(r) * cell_height;
       const I420View cell = rows_[r][c]->view();
-      copy(cell.y, view.y, left, top);
-      copy(cell.u, view.u, left / 2, top / 2);
-      copy(cell.v, view.v, left / 2, top / 2);
+      copy_i420(cell, {part(view.y, left, top, cell.y), part(view.u, left / 2, top / 2, cell.u),
+                       part(view.v, left / 2, top / 2, cell.v)});
     }
   }
   return sheet;

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "cpu_time.hpp"
+#include "sightline/base/time.hpp"
 #include "sightline/config/object_file.hpp"
 #include "sightline/pipeline/object_search.hpp"
 #include "sightline/record/replay.hpp"
@@ -61,11 +61,11 @@ class SetSearcher {
     }
     SetResult out;
     out.time = now;
-    const double cpu = cpu_ms();
+    const double cpu = process_cpu_ms();
     const Time start = MonotonicClock::now();
     const std::vector<Observation> found = search->search(now, {});
     out.wall_ms = 1e3 * to_seconds(MonotonicClock::now() - start);
-    out.cpu_ms = cpu_ms() - cpu;
+    out.cpu_ms = process_cpu_ms() - cpu;
     if (!found.empty()) out.found = found.back().hypotheses;
     out.truth = truth_at(truth_, found.empty() ? now : found.back().capture, max_gap_);
     out.verdict = verdict(out);
@@ -80,12 +80,7 @@ class SetSearcher {
   bool right(const Rigid3& truth, const Rigid3& pose) const {
     const Eigen::Vector3d& center = shape().views->center();
     if ((truth * center - pose * center).norm() >= kRightDistance) return false;
-    const auto near = [&](const Rigid3& other) {
-      return rotation_angle(other, pose) < kRightAngle;
-    };
-    const auto turns = shape().views->symmetry_rotations();
-    return near(truth) || std::any_of(turns.begin(), turns.end(),
-                                      [&](const Rigid3& turn) { return near(truth * turn); });
+    return shape().views->angle_up_to_symmetry(truth, pose) < kRightAngle;
   }
 
   Verdict verdict(const SetResult& result) const {
@@ -117,13 +112,13 @@ class SetSearcher {
 
   Explanation explain(const std::vector<FramePtr>& frames) {
     Explanation out;
-    out.trace.clock = cpu_ms;
+    out.trace.clock = process_cpu_ms;
     for (const FramePtr& frame : frames) {
       if (!frame) continue;
       detector_->add_frame(frame->info().camera, *frame);
       if (colors_) colors_->add_frame(frame->info().camera, *frame);
     }
-    const double start = cpu_ms();
+    const double start = process_cpu_ms();
     detector_->explain(out.trace);
     for (auto& stage : out.trace.stages) stage.at_ms -= start;
     const auto truth = truth_at(truth_, out.trace.time, max_gap_);

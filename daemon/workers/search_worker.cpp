@@ -139,7 +139,7 @@ void SearchWorker::search(const std::stop_token& stop, Heartbeat& heartbeat) {
   found = carry_forward(trail_, std::move(found), follow, go_on);
   trail_.close();
   if (forgotten != forgotten_) found.clear();  // of what was known before
-  seconds_.set(to_seconds(MonotonicClock::now() - start));
+  if (!checked) seconds_.set(to_seconds(MonotonicClock::now() - start));
   if (!found.empty() && !checked) found_.add();
   log::debug("find: {} {:.2f} s, {} steps to now, {}", checked ? "checked" : "searched", searched_s,
              steps,

@@ -226,6 +226,12 @@ void i420_to_rgb(const I420View& from, uint8_t* rgb) {
                     from.height());
 }
 
+void fill_plane(const MutablePlaneView& plane, uint8_t value) {
+  for (int y = 0; y < plane.height; ++y) {
+    std::memset(plane.row(y), value, static_cast<size_t>(plane.width));
+  }
+}
+
 void halve_plane(const PlaneView& from, const MutablePlaneView& to) {
   SL_CHECK(to.width == from.width / 2 && to.height == from.height / 2, "not half the size");
   if (to.width == 0 || to.height == 0) return;

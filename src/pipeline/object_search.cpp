@@ -38,15 +38,6 @@ constexpr double kMinScoreHere = 0.42;   // at true poses that two cameras see: 
 constexpr int kDoubts = 2;               // checks in a row that end in a search
 constexpr double kSameSuspicion = 0.35;  // [rad] between the orientations of two checks
 
-// Up to the symmetries of the shape.
-bool same_orientation(const Rigid3& a, const Rigid3& b, const ViewpointModel& views) {
-  if (rotation_angle(a, b) < kSameSuspicion) return true;
-  const auto turns = views.symmetry_rotations();
-  return std::any_of(turns.begin(), turns.end(), [&](const Rigid3& turn) {
-    return rotation_angle(a * turn, b) < kSameSuspicion;
-  });
-}
-
 void append(const Detection& detection, bool refutes, std::vector<Observation>& out) {
   for (const Observation& observation : detection.observations) {
     out.push_back(observation);
@@ -321,7 +312,8 @@ bool ObjectSearch::turned(Target& target, const Rigid3& pose,
   if (!possible || !(compared.here > 0)) return false;
   Suspicion now{pose.inverse() * compared.best.poses.front().world_from_object, 0, clear};
   now.support = std::min(std::log(compared.other / compared.here), kMostOfCheck) - kChance;
-  const bool again = before && same_orientation(before->other, now.other, *target.views);
+  const bool again =
+      before && target.views->angle_up_to_symmetry(before->other, now.other) < kSameSuspicion;
   if (again) now.support += before->support;
   if (now.support > 0) target.suspicion = now;
   // The one in force is wrong, even if it is not clear what is right.
@@ -333,7 +325,7 @@ bool ObjectSearch::differs(const Target& target, const Rigid3& pose, const Detec
   const Rigid3& other = found.poses.front().world_from_object;
   const Eigen::Vector3d& center = target.views->center();
   return (other * center - pose * center).norm() > target.views->radius() ||
-         !same_orientation(pose, other, *target.views);
+         target.views->angle_up_to_symmetry(pose, other) >= kSameSuspicion;
 }
 
 void ObjectSearch::search(Target& target, Time now, std::vector<Observation>& out) {

@@ -5,19 +5,13 @@
 #include <ctime>
 
 #include "sightline/base/log.hpp"
+#include "sightline/base/time.hpp"
 #include "sightline/image/convert.hpp"
 
 namespace sightline {
 namespace {
 
 constexpr double kDefaultRate = 30;
-
-// CPU time for the summary only; nothing that is computed depends on it.
-double cpu_ms() {
-  timespec now{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) * 1e3 + static_cast<double>(now.tv_nsec) * 1e-6;
-}
 
 Status make_folder(const std::filesystem::path& folder) {
   std::error_code error;
@@ -119,20 +113,20 @@ Status ReplayPipeline::add_camera(const Installation& installation, const Record
 
 Status ReplayPipeline::step(const std::vector<FramePtr>& frames) {
   take(frames);
-  const double start = cpu_ms();
+  const double start = process_cpu_ms();
   chain_->begin(frames.front()->info().capture);
-  const double begun = cpu_ms();
+  const double begun = process_cpu_ms();
   for (const CameraFrame& seen : frames_) {
     if (seen.frame->info().status != FrameStatus::kDamaged) chain_->observe(seen);
   }
-  const double observed = cpu_ms();
+  const double observed = process_cpu_ms();
   if (!frames_.empty() && chain_->search(frames_)) ++summary_.searches;
-  const double searched = cpu_ms();
+  const double searched = process_cpu_ms();
   SL_RETURN_IF_ERROR(fuse());
   summary_.observe_cpu_ms += observed - begun;
   summary_.search_cpu_ms += begun - start + searched - observed;
   summary_.search_time_ms = 1e3 * to_seconds(chain_->search_time());
-  summary_.fuse_cpu_ms += cpu_ms() - searched;
+  summary_.fuse_cpu_ms += process_cpu_ms() - searched;
   summary_.frames += frames.size();
   ++summary_.sets;
   learn(frames);
@@ -150,12 +144,12 @@ void ReplayPipeline::take(const std::vector<FramePtr>& frames) {
 
 // After fusion, so that a frame is judged and drawn with its own pose.
 void ReplayPipeline::learn(const std::vector<FramePtr>& frames) {
-  const double start = cpu_ms();
+  const double start = process_cpu_ms();
   for (const FramePtr& frame : frames) {
     const auto& camera = cameras_[frame->info().camera.index()];
     if (camera && camera->learner) camera->learner->step(*frame, tracks());
   }
-  summary_.learn_cpu_ms += cpu_ms() - start;
+  summary_.learn_cpu_ms += process_cpu_ms() - start;
 }
 
 OcclusionDepthPtr ReplayPipeline::hidden(size_t camera) const {

@@ -28,6 +28,9 @@ constexpr Duration from_seconds(double seconds) {
   return Duration(static_cast<int64_t>(seconds * 1e9 + (seconds < 0 ? -0.5 : 0.5)));
 }
 
+/// CPU time of the process so far, all threads [ms]; for figures and summaries.
+double process_cpu_ms();
+
 /// UTC (CLOCK_REALTIME) nanoseconds now; only for the wire and for file names.
 int64_t utc_now_ns();
 

@@ -13,6 +13,9 @@ namespace sightline {
 /// "I420", "YUYV", ... for messages and files.
 std::string_view to_string(PixelFormat format);
 
+/// Sets every pixel to `value`.
+void fill_plane(const MutablePlaneView& plane, uint8_t value);
+
 /// Copies (same size).
 void copy_i420(const I420View& from, const MutableI420View& to);
 

@@ -29,7 +29,10 @@ BankState HypothesisBank::nothing_known() const {
 bool HypothesisBank::refuted(Time time, std::span<const Observation> observations,
                              const BankState& state) const {
   constexpr double kOtherRotation = 0.25, kOtherPlace = 0.05;  // [rad, m]
-  if (state.count == 0) return false;
+  const auto refutes = [](const Observation& o) { return o.refutes; };
+  if (state.count == 0 || std::none_of(observations.begin(), observations.end(), refutes)) {
+    return false;
+  }
   const Hypothesis& in_force = state.hypotheses[0];
   const Rigid3 pose = predicted(in_force, time, in_force.motion, options_).world_from_object;
   return std::any_of(observations.begin(), observations.end(), [&](const Observation& o) {

@@ -202,7 +202,7 @@ class ObjectDetector::Impl {
       const Rigid3& fitted = pose.fit.motion.world_from_object;
       if (center_distance(fitted, motion.world_from_object) > kOtherPlace * model().radius())
         continue;
-      if (looks_alike(fitted, motion.world_from_object)) {
+      if (model().angle_up_to_symmetry(fitted, motion.world_from_object) < kSameFittedAngle) {
         out.here = std::max(out.here, pose.score);
       } else {
         out.other = std::max(out.other, pose.score);
@@ -261,19 +261,6 @@ class ObjectDetector::Impl {
 
   double center_distance(const Rigid3& a, const Rigid3& b) const {
     return (a * model().center() - b * model().center()).norm();
-  }
-
-  // The same orientation, up to the symmetries of the shape.
-  bool looks_alike(const Rigid3& a, const Rigid3& b) const {
-    if (rotation_angle(a, b) < kSameFittedAngle) return true;
-    if (const auto& axis = model().symmetry_axis()) {
-      const Eigen::Vector3d u = a.rotation * axis->direction, v = b.rotation * axis->direction;
-      if (std::atan2(u.cross(v).norm(), u.dot(v)) < kSameFittedAngle) return true;
-    }
-    const auto turns = model().symmetry_rotations();
-    return std::any_of(turns.begin(), turns.end(), [&](const Rigid3& turn) {
-      return rotation_angle(a * turn, b) < kSameFittedAngle;
-    });
   }
 
   // It is in the volume in which the object can be.

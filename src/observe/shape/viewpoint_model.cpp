@@ -208,4 +208,16 @@ std::span<const uint16_t> ViewpointModel::neighbors(size_t index) const {
   return {neighbors_[index].data(), neighbor_counts_[index]};
 }
 
+double ViewpointModel::angle_up_to_symmetry(const Rigid3& a, const Rigid3& b) const {
+  const auto angle = [&](const Rigid3& pose) {
+    if (!symmetry_axis_) return rotation_angle(pose, b);
+    const Eigen::Vector3d u = pose.rotation * symmetry_axis_->direction;
+    const Eigen::Vector3d v = b.rotation * symmetry_axis_->direction;
+    return std::atan2(u.cross(v).norm(), u.dot(v));
+  };
+  double least = angle(a);
+  for (const Rigid3& turn : symmetry_rotations_) least = std::min(least, angle(a * turn));
+  return least;
+}
+
 }  // namespace sightline

@@ -4,13 +4,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstring>
 #include <ctime>
 #include <optional>
 
 #include "render/overlay/text/text_tile.hpp"
 #include "sightline/base/check.hpp"
 #include "sightline/base/log.hpp"
+#include "sightline/image/convert.hpp"
 
 namespace sightline {
 namespace {
@@ -28,12 +28,6 @@ void dim(const PlaneView& from, const MutablePlaneView& to) {
     for (int x = 0; x < to.width; ++x) {
       out[x] = static_cast<uint8_t>(kBlack + (std::max<int>(in[x], kBlack) - kBlack) / 2);
     }
-  }
-}
-
-void fill(const MutablePlaneView& plane, uint8_t value) {
-  for (int y = 0; y < plane.height; ++y) {
-    std::memset(plane.row(y), value, static_cast<size_t>(plane.width));
   }
 }
 
@@ -78,10 +72,10 @@ void NoSignalSlate::draw(const MutableI420View& image, const I420View* last,
              "the last image has another size");
     dim(last->y, image.y);
   } else {
-    fill(image.y, kPlainGray);
+    fill_plane(image.y, kPlainGray);
   }
-  fill(image.u, kNoColor);
-  fill(image.v, kNoColor);
+  fill_plane(image.u, kNoColor);
+  fill_plane(image.v, kNoColor);
   if (!impl_->text) return;
   TextTile& tile = *impl_->text;
   tile.set(text, {&kTextColor, 1});

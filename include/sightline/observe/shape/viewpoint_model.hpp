@@ -123,6 +123,8 @@ class ViewpointModel {
   const std::vector<Rigid3>& symmetry_rotations() const { return symmetry_rotations_; }
   /// Set if the shape is the same after any rotation about it.
   const std::optional<ShapeSymmetry::Axis>& symmetry_axis() const { return symmetry_axis_; }
+  /// Least rotation between the orientations of two poses that look alike by these [rad].
+  double angle_up_to_symmetry(const Rigid3& a, const Rigid3& b) const;
 
   const Eigen::Vector3d& center() const { return center_; }  ///< of the bounding sphere
   double radius() const { return radius_; }                  ///< [m]
