@@ -15,6 +15,9 @@ struct ShapeSymmetry {
   /// The poses T and T * rotation have the same shape, and are not the same to whoever asks for the
   /// pose. Transforms of the object frame, without the identity; at most kMax.
   std::vector<Rigid3> rotations;
+  /// The same, but a small part of the shape (a handle) tells them apart where it shows. Together
+  /// with `rotations` at most kMax.
+  std::vector<Rigid3> near_rotations;
   /// Rotations about this axis (unit) through a point on it, object frame, leave the shape as it
   /// is, so that outline and edges know nothing of them.
   struct Axis {

@@ -19,6 +19,7 @@ constexpr double kMaxCostPerCamera = 12.0;  // in one frame
 constexpr double kFading = 0.85;
 constexpr double kMarkerSigma = 0.15;  // [rad] of a pose that markers propose
 constexpr double kSameSymmetry = 0.5;  // [rad]
+constexpr double kSamePose = 0.3;      // [rad] turned by less, outline and edges find the way back
 constexpr double kFreeRotation = 0.1;  // [rad], [rad/s] inside the filter
 constexpr double kFreeSpin = 1.0;
 constexpr double kAnyAngle = std::numbers::pi / std::numbers::sqrt3;  // sigma of a uniform angle
@@ -46,12 +47,14 @@ void bound_variance(Eigen::Index first, const Eigen::Vector3d& axis, double max,
 SymmetricHypotheses::SymmetricHypotheses(const ShapeSymmetry& shape_symmetry)
     : axis_(shape_symmetry.axis) {
   symmetries_.emplace_back();
-  for (const Rigid3& turn : shape_symmetry.rotations) {
-    if (symmetries_.size() > ShapeSymmetry::kMax) break;
-    symmetries_.push_back(turn);
+  for (const auto* turns : {&shape_symmetry.rotations, &shape_symmetry.near_rotations}) {
+    for (const Rigid3& turn : *turns) {
+      if (symmetries_.size() <= ShapeSymmetry::kMax) symmetries_.push_back(turn);
+    }
   }
   for (const Rigid3& turn : symmetries_) {
     logs_.push_back(turn.log());
+    other_.push_back(turn.rotation.angularDistance(Eigen::Quaterniond::Identity()) > kSamePose);
     to_symmetric_.push_back(right_jacobian_inverse(logs_.back()) * turn.inverse().adjoint());
   }
 }
@@ -167,7 +170,9 @@ bool SymmetricHypotheses::choose(Hypothesis& hypothesis) const {
 
 bool SymmetricHypotheses::ambiguous(const Hypothesis& hypothesis) const {
   for (size_t k = 1; k < symmetries_.size(); ++k) {
-    if (hypothesis.symmetry_costs[k] < hypothesis.symmetry_costs[0] + kDecided) return true;
+    if (other_[k] && hypothesis.symmetry_costs[k] < hypothesis.symmetry_costs[0] + kDecided) {
+      return true;
+    }
   }
   return false;
 }
@@ -175,17 +180,18 @@ bool SymmetricHypotheses::ambiguous(const Hypothesis& hypothesis) const {
 Matrix6 SymmetricHypotheses::spread(const Hypothesis& hypothesis) const {
   const Matrix6 known = hypothesis.estimate.own_covariance();
   Matrix6 sum = Matrix6::Zero();
-  double total = 0;
-  for (size_t k = 0; k < symmetries_.size(); ++k) {
-    const double weight = std::exp(hypothesis.symmetry_costs[0] - hypothesis.symmetry_costs[k]);
-    // A small error at the pose is one of the symmetric pose too.
-    sum += weight * (logs_[k] * logs_[k].transpose() +
-                     to_symmetric_[k] * known * to_symmetric_[k].transpose() - known);
-    total += weight;
-  }
   // Decided is decided: the rest would be a tail that no second moment describes.
-  if (symmetries_.size() == 1 || !ambiguous(hypothesis)) sum.setZero();
-  sum /= std::max(total, 1.0);
+  if (ambiguous(hypothesis)) {
+    double total = 0;
+    for (size_t k = 0; k < symmetries_.size(); ++k) {
+      const double weight = std::exp(hypothesis.symmetry_costs[0] - hypothesis.symmetry_costs[k]);
+      // A small error at the pose is one of the symmetric pose too.
+      sum += weight * (logs_[k] * logs_[k].transpose() +
+                       to_symmetric_[k] * known * to_symmetric_[k].transpose() - known);
+      total += weight;
+    }
+    sum /= std::max(total, 1.0);
+  }
   if (axis_ && !axis_observed(known)) {
     Vector6 turn;
     turn << axis_->direction, axis_->point.cross(axis_->direction);

@@ -56,6 +56,7 @@ class SymmetricHypotheses {
 
   std::vector<Rigid3> symmetries_;  ///< the identity first
   std::vector<Vector6> logs_;
+  std::vector<bool> other_;  ///< by symmetry: turned by more than the filter takes back by itself
   /// By symmetry: from a tangent at the pose to that of its logarithm at the symmetric pose.
   std::vector<Matrix6> to_symmetric_;
   std::optional<ShapeSymmetry::Axis> axis_;

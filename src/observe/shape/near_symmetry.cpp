@@ -2,6 +2,7 @@
 #include "sightline/observe/shape/near_symmetry.hpp"
 
 #include <Eigen/Eigenvalues>
+#include <Eigen/QR>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -19,6 +20,8 @@ constexpr double kMaxDifference = 0.15;                             // of the si
 constexpr double kMaxAboutAxis = 0.2, kMaxSurfaceAboutAxis = 0.35;  // by every turn about an axis
 constexpr float kSameSurface = 0.06f;                               // of the radius
 constexpr double kMaxBeforeSteps = 0.3;  // the same of a turn about a principal axis exactly
+// A turn that changes more from the first views is not looked at from the others.
+constexpr double kFewViews = 8, kHopeless = 0.5;
 constexpr double kFirstStep = 0.1, kLastStep = 0.01;  // [rad, radii]
 
 // Middle and principal axes of the surface, and how far it reaches.
@@ -126,12 +129,16 @@ class Comparison {
   };
 
   NearSymmetry of(const Rigid3& turned) {
-    NearSymmetry out{Eigen::AngleAxisd(turned.rotation), {}, 2, {}, -1, {}};
+    NearSymmetry out{Eigen::AngleAxisd(turned.rotation), turned, {}, 2, {}, -1, {}};
+    TurnDifference sum;
+    double drawn = 0;
     for (const SeenFrom& view : views_) {
       scratch_.draw(renderer_, view.camera_from_object * turned, frame_.radius);
       const TurnDifference difference = view.picture - scratch_;
-      out.mean.silhouette += difference.silhouette / static_cast<double>(views_.size());
-      out.mean.surface += difference.surface / static_cast<double>(views_.size());
+      sum.silhouette += difference.silhouette;
+      sum.surface += difference.surface;
+      out.mean = {sum.silhouette / ++drawn, sum.surface / drawn};
+      if (drawn >= kFewViews && out.mean.silhouette > kHopeless) return out;
       if (difference.silhouette < out.least) {
         out.least = difference.silhouette;
         out.hides = view.direction;
@@ -192,7 +199,35 @@ void add_turns(Comparison& comparison, const Eigen::Vector3d& axis, NearSymmetri
   }
 }
 
+// A point on the axis of a turn by `transform`, next to the origin: (I - R) p = t.
+Eigen::Vector3d point_on_axis(const Rigid3& transform) {
+  const Eigen::Matrix3d left = Eigen::Matrix3d::Identity() - transform.rotation.toRotationMatrix();
+  return left.completeOrthogonalDecomposition().solve(transform.translation);
+}
+
 }  // namespace
+
+std::vector<Rigid3> near_rotations_of(const NearSymmetries& near, size_t most,
+                                      const std::function<bool(const Rigid3&)>& same) {
+  std::vector<Rigid3> out;
+  const auto add = [&](const Rigid3& transform) {
+    if (out.size() < most && !same(transform)) out.push_back(transform);
+  };
+  for (const NearSymmetry& axis : near.axes) {
+    const Eigen::Vector3d point = point_on_axis(axis.transform);
+    for (size_t i = 1; i < kSteps; ++i) {
+      const Eigen::Quaterniond turn(Eigen::AngleAxisd(
+          2 * std::numbers::pi * static_cast<double>(i) / kSteps, axis.turn.axis()));
+      add(Rigid3(turn, point - turn * point));
+    }
+  }
+  for (const NearSymmetry& turn : near.turns) {
+    add(turn.transform);
+    const Rigid3 back = turn.transform.inverse();
+    if (rotation_angle(turn.transform, back) > kFirstStep) add(back);
+  }
+  return out;
+}
 
 Result<NearSymmetries> find_near_symmetries(const TriangleMesh& mesh,
                                             const DepthRendererFactory& factory) {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The cache file of a viewpoint model: little-endian numbers without gaps.
-//   magic, version, key, options, center, radius, symmetry rotations, axis of symmetry, counts; per
-//   view: direction, counts, area, length, mask; all outline samples; all edge samples; FNV-1a of
-//   everything before.
+//   magic, version, key, options, center, radius, symmetry rotations, near ones, axis of symmetry,
+//   counts; per view: direction, counts, area, length, mask; all outline samples; all edge samples;
+//   FNV-1a of everything before.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -22,7 +22,7 @@ namespace {
 
 constexpr uint64_t kMagic = 0x315357454956'4C53ULL;  // "SLVIEWS1"
 // Grows when the file or the way the samples are made changes.
-constexpr uint32_t kVersion = 3;
+constexpr uint32_t kVersion = 4;
 constexpr size_t kLargestFile = size_t{256} << 20;
 
 template <typename T>
@@ -95,20 +95,21 @@ bool within(float value, float low, float high) { return value >= low && value <
 
 bool unit(const Eigen::Vector3f& vector) { return within(vector.squaredNorm(), 0.99f, 1.01f); }
 
-void put_symmetry(std::string& out, const std::vector<Rigid3>& rotations,
-                  const std::optional<ShapeSymmetry::Axis>& axis) {
+void put_rotations(std::string& out, const std::vector<Rigid3>& rotations) {
   put(out, static_cast<uint32_t>(rotations.size()));
   for (const Rigid3& transform : rotations) {
     put(out, Eigen::Vector4d(transform.rotation.coeffs()));
     put(out, transform.translation);
   }
+}
+
+void put_axis(std::string& out, const std::optional<ShapeSymmetry::Axis>& axis) {
   put(out, Eigen::Vector3d(axis ? axis->direction : Eigen::Vector3d::Zero()));
   put(out, Eigen::Vector3d(axis ? axis->point : Eigen::Vector3d::Zero()));
 }
 
-// False if that is no symmetry.
-bool take_symmetry(Taker& in, double radius, std::vector<Rigid3>& rotations,
-                   std::optional<ShapeSymmetry::Axis>& axis) {
+// False if those are none.
+bool take_rotations(Taker& in, double radius, std::vector<Rigid3>& rotations) {
   const size_t count = in.number<uint32_t>();
   if (count > ShapeSymmetry::kMax) return false;
   for (size_t i = 0; i < count; ++i) {
@@ -120,6 +121,11 @@ bool take_symmetry(Taker& in, double radius, std::vector<Rigid3>& rotations,
     }
     rotations.emplace_back(rotation, translation);
   }
+  return true;
+}
+
+// False if that is none.
+bool take_axis(Taker& in, double radius, std::optional<ShapeSymmetry::Axis>& axis) {
   const Eigen::Vector3d direction = in.vector<double>();
   const Eigen::Vector3d point = in.vector<double>();
   if (!direction.allFinite() || !(point.norm() < 1e6 * radius)) return false;
@@ -227,7 +233,9 @@ std::string observe::ViewpointModelBuilder::write(const ViewpointModel& model) {
   put_options(out, model.options_);
   put(out, model.center_);
   put(out, model.radius_);
-  put_symmetry(out, model.symmetry_rotations_, model.symmetry_axis_);
+  put_rotations(out, model.symmetry_rotations_);
+  put_rotations(out, model.near_rotations_);
+  put_axis(out, model.symmetry_axis_);
   put(out, static_cast<uint32_t>(model.records_.size()));
   for (const auto& record : model.records_) {
     put(out, record.direction);
@@ -276,7 +284,9 @@ Result<std::shared_ptr<const ViewpointModel>> observe::ViewpointModelBuilder::re
   if (!in.ok() || !usable(options, model->center_, model->radius_)) {
     return damaged("header");
   }
-  if (!take_symmetry(in, model->radius_, model->symmetry_rotations_, model->symmetry_axis_)) {
+  if (!take_rotations(in, model->radius_, model->symmetry_rotations_) ||
+      !take_rotations(in, model->radius_, model->near_rotations_) ||
+      !take_axis(in, model->radius_, model->symmetry_axis_)) {
     return damaged("symmetry");
   }
   const observe::ViewSphere sphere = observe::make_view_sphere(options.subdivisions);

@@ -11,6 +11,7 @@
 #include "observe/shape/view_sphere.hpp"
 #include "observe/shape/viewpoint_model_builder.hpp"
 #include "sightline/base/log.hpp"
+#include "sightline/observe/shape/near_symmetry.hpp"
 
 namespace sightline {
 
@@ -21,8 +22,9 @@ using observe::ViewSphere;
 
 namespace {
 
-constexpr double kFilled = 0.94;  // of the image's side by the bounding sphere
-constexpr int kCells = 16;        // of one side of the cube of directions
+constexpr double kFilled = 0.94;   // of the image's side by the bounding sphere
+constexpr double kSameTurn = 0.1;  // [rad]
+constexpr int kCells = 16;         // of one side of the cube of directions
 
 // Pixels of the cube: which face, and where on it.
 size_t cell_of(const Eigen::Vector3d& direction) {
@@ -114,6 +116,10 @@ Result<std::shared_ptr<const ViewpointModel>> observe::ViewpointModelBuilder::fr
   const observe::SelfSymmetry symmetry = observe::find_self_symmetry(mesh);
   model->symmetry_rotations_ = symmetry.rotations;
   if (symmetry.axis) model->symmetry_axis_ = {*symmetry.axis, symmetry.middle, false};
+  SL_ASSIGN(const NearSymmetries near, find_near_symmetries(mesh, factory));
+  model->near_rotations_ = near_rotations_of(
+      near, ShapeSymmetry::kMax - std::min(ShapeSymmetry::kMax, model->symmetry_rotations_.size()),
+      [&](const Rigid3& turn) { return model->angle_up_to_symmetry(turn, Rigid3()) < kSameTurn; });
   // A line of crease points without gaps in the images.
   const double pixel = 2 * model->radius_ / (kFilled * options.image_px);
   ViewSampler sampler(camera, options, model->center_, model->radius_,

@@ -6,7 +6,7 @@
 
 #include "observe/track/learned_appearance.hpp"
 #include "observe/track/model_tracker.hpp"
-#include "observe/track/symmetric_evidence.hpp"
+#include "observe/track/symmetry/symmetric_evidence.hpp"
 #include "observe/track/track_constants.hpp"
 #include "observe/track/tracker_camera.hpp"
 #include "sightline/base/check.hpp"
@@ -19,6 +19,11 @@ using observe::LearnedAppearance;
 using observe::ModelTracker;
 using observe::OccludingSphere;
 using observe::TrackerCamera;
+
+// Silhouettes of poses that look nearly the same are compared so often: ten drawings take longer
+// than tracking.
+constexpr Duration kCompare = std::chrono::milliseconds(150);
+constexpr Duration kCompareAmbiguous = std::chrono::milliseconds(60);
 
 Status require(bool good, const char* name, const char* range) {
   if (good) return {};
@@ -73,10 +78,16 @@ class ObjectTracker::Impl {
  private:
   struct State {
     State(const TrackerCamera& camera, CameraId id, TrackedObject tracked)
-        : object(std::move(tracked)), tracker(camera, object), appearance(camera, id, object) {}
+        : object(std::move(tracked)), tracker(camera, object), appearance(camera, id, object) {
+      if (object.shape_symmetry.near_rotations.empty() || !object.depth) return;
+      silhouettes = std::make_unique<observe::SilhouetteComparison>(camera, object);
+    }
     const TrackedObject object;
     ModelTracker tracker;
     LearnedAppearance appearance;
+    /// Null: no other pose looks nearly the same.
+    std::unique_ptr<observe::SilhouetteComparison> silhouettes;
+    Time compared{};  ///< the silhouettes, last
     TrackResult last;
   };
 
@@ -142,10 +153,13 @@ void ObjectTracker::Impl::track(State& state, const Frame& frame, const PoseAt& 
     return;
   }
   const observe::PlacedOutline& outline = state.tracker.outline();
-  if (ambiguous) {
+  const Duration pause = ambiguous ? kCompareAmbiguous : kCompare;
+  const bool compare = state.silhouettes && frame.info().capture - state.compared >= pause;
+  if (compare) state.compared = frame.info().capture;
+  if (compare || (ambiguous && !state.silhouettes)) {
     out.symmetric_hypotheses = observe::compare_symmetric_poses(
         frame, measured.fitted, camera_, state.object, outline.occluders(),
-        certain ? appearance.texture() : nullptr);
+        certain ? appearance.texture() : nullptr, compare ? state.silhouettes.get() : nullptr);
   }
   if (state.last.by_print_alone) return;
   appearance.note_seen(frame, outline, measured.aspect, measured.result, stale);

@@ -2,10 +2,12 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <functional>
 #include <vector>
 
 #include "sightline/base/result.hpp"
 #include "sightline/geometry/mesh.hpp"
+#include "sightline/geometry/rigid3.hpp"
 #include "sightline/model/depth_renderer.hpp"
 
 namespace sightline {
@@ -20,6 +22,7 @@ struct TurnDifference {
 /// same.
 struct NearSymmetry {
   Eigen::AngleAxisd turn;  ///< object frame; 0 < angle <= pi
+  Rigid3 transform;        ///< the turn about where its axis is: T and T * transform look alike
   TurnDifference mean;     ///< over views from all sides
   double least = 0;        ///< of the silhouette, over the views: from there ...
   Eigen::Vector3d hides;   ///< ... (object frame, towards the camera) nothing tells the turn
@@ -36,6 +39,12 @@ struct NearSymmetries {
   /// the turn that changes most: a bottle, a cup with a small handle.
   std::vector<NearSymmetry> axes;
 };
+
+/// The transforms that a pose is to be compared with: about axes in steps of 15 degrees, the others
+/// and their inverses. Those that differ least come first; `most` at most. None that `same` holds
+/// for (exact symmetries).
+std::vector<Rigid3> near_rotations_of(const NearSymmetries& near, size_t most,
+                                      const std::function<bool(const Rigid3&)>& same);
 
 /// Draws the mesh from 42 sides, as it is and turned about its principal axes in steps of 15
 /// degrees, improves the best by small steps, and compares the pictures (128 px). Colors do not

@@ -123,6 +123,8 @@ class ViewpointModel {
   const std::vector<Rigid3>& symmetry_rotations() const { return symmetry_rotations_; }
   /// Set if the shape is the same after any rotation about it.
   const std::optional<ShapeSymmetry::Axis>& symmetry_axis() const { return symmetry_axis_; }
+  /// Transforms after which it looks nearly the same (see NearSymmetries).
+  const std::vector<Rigid3>& near_rotations() const { return near_rotations_; }
   /// Least rotation between the orientations of two poses that look alike by these [rad].
   double angle_up_to_symmetry(const Rigid3& a, const Rigid3& b) const;
 
@@ -146,7 +148,7 @@ class ViewpointModel {
   ViewpointModelOptions options_;
   Eigen::Vector3d center_ = Eigen::Vector3d::Zero();
   double radius_ = 0;
-  std::vector<Rigid3> symmetry_rotations_;
+  std::vector<Rigid3> symmetry_rotations_, near_rotations_;
   std::optional<ShapeSymmetry::Axis> symmetry_axis_;
   std::vector<Record> records_;
   std::vector<ContourSample> contours_;

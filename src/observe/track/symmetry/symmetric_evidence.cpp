@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "observe/track/symmetric_evidence.hpp"
+#include "observe/track/symmetry/symmetric_evidence.hpp"
 
 #include <algorithm>
 #include <array>
@@ -53,12 +53,20 @@ std::vector<PoseHypothesis> compare_symmetric_poses(const Frame& frame, const Ri
                                                     const TrackerCamera& camera,
                                                     const TrackedObject& object,
                                                     const Occluders& occluders,
-                                                    TexturePoints* texture) {
+                                                    TexturePoints* texture,
+                                                    SilhouetteComparison* silhouettes) {
+  const ShapeSymmetry& symmetry = object.shape_symmetry;
   std::vector<Rigid3> poses = {fitted};
-  for (const Rigid3& rotation : object.shape_symmetry.rotations) poses.push_back(fitted * rotation);
+  for (const Rigid3& rotation : symmetry.near_rotations) poses.push_back(fitted * rotation);
+  for (const Rigid3& rotation : symmetry.rotations) poses.push_back(fitted * rotation);
   std::vector<double> costs(poses.size(), 0.0);
   bool known = object.samples && add_color_costs(frame, poses, camera, object, costs);
   known |= texture && add_texture_costs(frame, poses, camera, occluders, *texture, costs);
+  if (silhouettes != nullptr) {
+    const auto& outlines = silhouettes->compare(ColorReader(frame.i420()), fitted, occluders);
+    for (size_t k = 0; k < outlines.size(); ++k) costs[k] += outlines[k];
+    known |= !outlines.empty();
+  }
   std::vector<PoseHypothesis> out;
   for (size_t k = 0; known && k < poses.size(); ++k) out.push_back({poses[k], costs[k]});
   return out;
