@@ -4,23 +4,19 @@
 
     bench/adversarial.py [--bin build/release/bin] [--replay "--search-cost 0.5"] [--jobs N] RECORDING ...
 
-Replays every recording with its own objects, their meshes (OBJ) scaled by 0.8 and 1.25 about their middle and mirrored, by
-region, edge and texture. Prints for each the rows `tracking`, `degraded` and `coasting`, and of the rows `tracking` the
-median distance of the middle from the true one. Exits 1 if anything was `tracking`, 2 for bad input."""
-import argparse
+Replays every recording with its own objects, their meshes (OBJ) scaled by 0.8 and 1.25 about their middle and mirrored,
+by region, edge and texture. Prints for each the rows `tracking`, `degraded` and `coasting`, and of the rows `tracking`
+the median distance of the middle from the true one. Exits 1 if anything was `tracking`, 2 for bad input."""
 import concurrent.futures
-import csv
-import os
+import pathlib
 import re
-import shlex
 import shutil
 import statistics
-import subprocess
 import sys
 import tempfile
-import tomllib
 
-from false_alarms import load, object_name
+from recording_tools import (add_jobs_option, add_replay_option, count_states, mesh_path, object_name, read_csv,
+                             recording_parser, replay_with_object)
 
 CHANGES = {"scaled 0.8": (0.8, 0.8, 0.8), "scaled 1.25": (1.25, 1.25, 1.25), "mirrored": (-1, 1, 1)}
 
@@ -29,10 +25,9 @@ def vertices(lines):
     return [[float(word) for word in line.split()[1:4]] for line in lines if line.startswith("v ")]
 
 
-def change_mesh(source, target, factors):
-    """Writes the mesh with its vertices (and normals) changed about their middle; mirrored faces keep their outside."""
-    with open(source, encoding="utf-8") as file:
-        lines = file.read().splitlines()
+def change_mesh(path, factors):
+    """Changes a mesh's vertices (and normals) about their middle; mirrored faces keep their outside."""
+    lines = path.read_text(encoding="utf-8").splitlines()
     points = vertices(lines)
     middle = [(min(p[i] for p in points) + max(p[i] for p in points)) / 2 for i in range(3)]
     mirrored = factors[0] * factors[1] * factors[2] < 0
@@ -47,75 +42,53 @@ def change_mesh(source, target, factors):
         elif words[:1] == ["f"] and mirrored:
             line = " ".join(["f"] + words[:0:-1])
         out.append(line)
-    with open(target, "w", encoding="utf-8") as file:
-        file.write("\n".join(out) + "\n")
+    path.write_text("\n".join(out) + "\n", encoding="utf-8")
 
 
-def write_config(recording, path, factors, folder):
-    objects = os.path.join(folder, "objects")
-    shutil.copytree(os.path.dirname(path), objects)
-    changed = os.path.join(objects, os.path.basename(path))
-    with open(changed, "rb") as file:
-        mesh = tomllib.load(file)["mesh"]
-    change_mesh(os.path.join(os.path.dirname(path), mesh), os.path.join(objects, mesh), factors)
-    with open(changed, encoding="utf-8") as file:
-        text = re.sub(r"(?m)^features\s*=.*$", "", file.read())
-    with open(changed, "w", encoding="utf-8") as file:
-        file.write(text)
-    lines = [f'calibration = "{recording["folder"]}/calibration.toml"', f'[[object]]\nfile = "{changed}"']
-    for name in recording["cameras"]:
-        lines.append(f'[[camera]]\nname = "{name}"\nsource = "replay:{recording["folder"]}"')
-    config = os.path.join(folder, "config.toml")
-    with open(config, "w", encoding="utf-8") as file:
-        file.write("\n".join(lines) + "\n")
-    return config
+def write_changed_object(object_file, factors, folder):
+    """A copy of the object with its mesh changed and without features, which are of the true one."""
+    shutil.copytree(object_file.parent, folder, copy_function=shutil.copyfile)
+    changed = folder / object_file.name
+    change_mesh(mesh_path(changed), factors)
+    text = re.sub(r"(?m)^features\s*=.*$", "", changed.read_text(encoding="utf-8"))
+    changed.write_text(text, encoding="utf-8")
+    return changed
 
 
-def replay(options, recording, path, factors):
+def replay_changed(options, recording, object_file, factors):
     """Rows of the pose log."""
     with tempfile.TemporaryDirectory(prefix="sightline_adversarial.") as folder:
-        config, poses = write_config(recording, path, factors, folder), os.path.join(folder, "poses.csv")
-        subprocess.run([os.path.join(options.bin, "sightline"), "replay", recording["folder"], "--config", config,
-                        "--modalities", "region,edge,texture", "--poses", poses, *shlex.split(options.replay)],
-                       check=True, capture_output=True, timeout=1800)
-        with open(poses, encoding="utf-8", newline="") as file:
-            return list(csv.DictReader(file))
+        changed = write_changed_object(object_file, factors, pathlib.Path(folder, "objects"))
+        return replay_with_object(options, recording, changed)
 
 
 def distance_mm(rows, recording, name):
     """Median distance of `tracking` rows from the truth of their own time; nothing without such truth."""
-    path = os.path.join(recording["folder"], "truth.csv")
-    if not os.path.exists(path):
+    path = recording.folder / "truth.csv"
+    if not path.exists():
         return ""
-    with open(path, encoding="utf-8", newline="") as file:
-        truth = {row["t_ns"]: row for row in csv.DictReader(file) if row["object"] == name}
+    truth = {row["t_ns"]: row for row in read_csv(path) if row["object"] == name}
     off = [sum((float(row[k]) - float(truth[row["t_ns"]][k])) ** 2 for k in ("tx", "ty", "tz")) ** 0.5
            for row in rows if row["state"] == "tracking" and row["t_ns"] in truth]
     return f", {1e3 * statistics.median(off):.0f} mm from the truth" if off else ""
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("recordings", nargs="+")
-    parser.add_argument("--bin", default="build/release/bin")
-    parser.add_argument("--replay", default="", help="further options of sightline replay")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count())
+    parser = recording_parser(__doc__)
+    add_replay_option(parser)
+    add_jobs_option(parser)
     options = parser.parse_args()
-    for recording in options.recordings:
-        if not os.path.isfile(os.path.join(recording, "recording.toml")):
-            print(f"adversarial.py: {recording}: not a recording folder", file=sys.stderr)
-            return 2
-    jobs = [(recording, path, change) for recording in map(load, options.recordings) for path in recording["objects"]
+    jobs = [(recording, path, change) for recording in options.recordings for path in recording.objects
             for change in CHANGES]
     claimed = 0
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
-        done = pool.map(lambda job: replay(options, job[0], job[1], CHANGES[job[2]]), jobs)
+        done = pool.map(lambda job: replay_changed(options, job[0], job[1], CHANGES[job[2]]), jobs)
         for (recording, path, change), rows in zip(jobs, done):
-            counts = {state: sum(row["state"] == state for row in rows) for state in ("tracking", "degraded", "coasting")}
+            counts = count_states(rows)
             claimed += counts["tracking"]
-            print(f"{os.path.basename(recording['folder']):10} {object_name(path):9} {change:12} of {len(rows):4} rows: tracking "
-                  f"{counts['tracking']:4}, degraded {counts['degraded']:4}, coasting {counts['coasting']:4}"
-                  + distance_mm(rows, recording, object_name(path)), flush=True)
+            print(f"{recording.name:10} {object_name(path):9} {change:12} of {len(rows):4} rows: "
+                  f"tracking {counts['tracking']:4}, degraded {counts['degraded']:4}, "
+                  f"coasting {counts['coasting']:4}" + distance_mm(rows, recording, object_name(path)), flush=True)
     print(f"{claimed} rows tracking")
     return 1 if claimed else 0
 

@@ -2,19 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """The daemon on recordings in real time, from nothing, judged by what it records itself:
 
-    bench/live/live.py [--bin build/release/bin] [--runs N] [--modalities region,edge,texture]
+    bench/live/live.py [--bin build/release/bin] [--runs N] [--modalities region,edge,texture] [--extra LINES]
                        [--copies N] [--unplugged CAMERA|first] [--compilers N] [--json] RECORDING ...
 
 Each run starts sightlined with the recording's cameras played once at their own pace, lets it record its poses, maps
 their capture times back onto the recording's (frames.csv of both) and compares them with truth.csv or keyframes.csv
-(`sightline evaluate`). Prints a row per run and the medians, with the load average before it: a busy machine finds less.
---copies: every camera so many times (a rig of twice as many cameras); --unplugged: this camera never gives a frame;
---compilers: so many compilers run beside it. Exits 0 if every run could be judged; 2 for bad input."""
-import argparse
+(`sightline evaluate`). Prints a row per run and the medians, with the load average before it: a busy machine finds
+less. --copies: every camera so many times (a rig of twice as many cameras); --unplugged: this camera of every recording
+never gives a frame; --compilers: so many compilers run beside it. Exits 0 if every run could be judged, 1 if one could
+not (standard error says why; the others count), 2 for bad input."""
 import contextlib
 import csv
 import json
 import os
+import pathlib
 import re
 import signal
 import statistics
@@ -22,56 +23,75 @@ import subprocess
 import sys
 import tempfile
 import time
-import tomllib
 
-START_S = 90   # bound of every wait
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
+from recording_tools import (MODALITIES, evaluate, load_recording, object_text, read_csv,  # noqa: E402
+                             recording_parser, up_to_symmetry)
+
+START_S = 90   # until the daemon serves
+STOP_S = 30
 TAIL_S = 1.0   # after the last frame
 
 
-def read_times(folder, camera):
-    with open(os.path.join(folder, "frames.csv"), encoding="utf-8", newline="") as file:
-        return {int(row["sequence"]): int(row["capture_ns"]) for row in csv.DictReader(file) if row["camera"] == camera}
+def unplugged_camera(recording, wanted):
+    """The camera of this recording that gives no frame, or None; ValueError if there is no such or no other one."""
+    if not wanted:
+        return None
+    camera = recording.cameras[0] if wanted == "first" else wanted
+    if camera not in recording.cameras:
+        raise ValueError(f"{recording.name} has no camera '{camera}'; its cameras: {', '.join(recording.cameras)}")
+    if len(recording.cameras) == 1:
+        raise ValueError(f"{recording.name}: nothing is left without '{camera}', its only camera")
+    return camera
 
 
-def write_object(source, folder, modalities):
+def write_object(object_file, folder, modalities):
     """A copy of the object file that measures by these modalities alone; its files stay where they are."""
-    with open(source, encoding="utf-8") as file:
-        text = file.read()
-    base = os.path.dirname(os.path.abspath(source))
-    text = re.sub(r'^(\s*(?:mesh|features)\s*=\s*")([^"/][^"]*)"', lambda m: f'{m[1]}{os.path.join(base, m[2])}"', text,
-                  flags=re.MULTILINE)
+    text = object_text(object_file)
     if modalities:
         text = "modalities = " + json.dumps(modalities) + "\n" + re.sub(r"(?m)^modalities\s*=.*$", "", text)
-    path = os.path.join(folder, os.path.basename(source))
-    with open(path, "w", encoding="utf-8") as file:
-        file.write(text)
+    path = folder / object_file.name
+    path.write_text(text, encoding="utf-8")
     return path
 
 
-def copied_calibration(recording, folder, copies):
+def write_calibration(recording, folder, copies):
     """calibration.toml with every camera `copies` times: NAME, NAME_2, ..."""
-    with open(os.path.join(recording, "calibration.toml"), encoding="utf-8") as file:
-        text = file.read()
+    text = (recording.folder / "calibration.toml").read_text(encoding="utf-8")
     parts = re.split(r"(?m)^(?=\[\[camera\]\])", text)
     out = parts[0]
     for part in parts[1:]:
         out += part
         for i in range(2, copies + 1):
             out += re.sub(r'(?m)^(name\s*=\s*"[^"]*)"', rf'\1_{i}"', part, count=1)
-    path = os.path.join(folder, "calibration.toml")
-    with open(path, "w", encoding="utf-8") as file:
-        file.write(out)
+    path = folder / "calibration.toml"
+    path.write_text(out, encoding="utf-8")
     return path
 
 
-def camera_lines(recording, name, options):
-    unplugged = name == options.unplugged
-    for i in range(1, options.copies + 1):
-        source = "rtsp://127.0.0.1:9/unplugged" if unplugged else "replay:" + os.path.abspath(recording)
+def camera_sections(recording, name, unplugged, copies):
+    source = "rtsp://127.0.0.1:9/unplugged" if unplugged else f"replay:{recording.folder}"
+    for i in range(1, copies + 1):
         lines = [f'[[camera]]\nname = "{name}{"" if i == 1 else f"_{i}"}"\nsource = "{source}"']
         if not unplugged:
             lines.append(f'recorded_as = "{name}"\nloop = false')
         yield "\n".join(lines) + "\n"
+
+
+def write_config(recording, unplugged, folder, options):
+    """The daemon's configuration; it records into the folder `records`."""
+    modalities = [m for m in options.modalities.split(",") if m]
+    records = folder / "records"
+    records.mkdir()
+    lines = [f'calibration = "{write_calibration(recording, folder, options.copies)}"', options.extra,
+             f'[record]\nenabled = true\ndirectory = "{records}"\n', "[rtsp]\nport = 0\n", "[http]\nport = 0\n"]
+    for object_file in recording.objects:
+        lines.append(f'[[object]]\nfile = "{write_object(object_file, folder, modalities)}"\n')
+    for name in recording.cameras:
+        lines += camera_sections(recording, name, name == unplugged, options.copies)
+    config = folder / "live.toml"
+    config.write_text("\n".join(lines), encoding="utf-8")
+    return config
 
 
 @contextlib.contextmanager
@@ -88,24 +108,15 @@ def compilers(count):
             process.wait()
 
 
-def write_config(recording, folder, options):
-    modalities = [m for m in options.modalities.split(",") if m]
-    with open(os.path.join(recording, "recording.toml"), "rb") as file:
-        description = tomllib.load(file)
-    cameras = [camera["name"] for camera in description["camera"]]
-    if options.unplugged == "first":
-        options.unplugged = cameras[0]
-    lines = [f'calibration = "{copied_calibration(recording, folder, options.copies)}"', options.extra, f'[record]\nenabled = true\ndirectory = "{folder}/records"\n', "[rtsp]\nport = 0\n", "[http]\nport = 0\n"]
-    for name in description["objects"]:
-        path = write_object(os.path.join(recording, name), folder, modalities)
-        lines.append(f'[[object]]\nfile = "{path}"\n')
-    for name in cameras:
-        lines += camera_lines(recording, name, options)
-    os.mkdir(os.path.join(folder, "records"))
-    path = os.path.join(folder, "live.toml")
-    with open(path, "w", encoding="utf-8") as file:
-        file.write("\n".join(lines))
-    return path, [name for name in cameras if name != options.unplugged], [os.path.join(recording, name) for name in description["objects"]]
+def wait_until_serving(daemon, log):
+    """Its cameras play from then on."""
+    end = time.monotonic() + START_S
+    while "/metrics" not in (said := log.read_text(encoding="utf-8", errors="replace")):
+        if daemon.poll() is not None:
+            raise RuntimeError(f"sightlined ended with {daemon.returncode}:\n{said}")
+        if time.monotonic() > end:
+            raise RuntimeError(f"sightlined did not serve within {START_S} s:\n{said}")
+        time.sleep(0.1)
 
 
 def play(binaries, config, seconds, log):
@@ -113,111 +124,145 @@ def play(binaries, config, seconds, log):
     with open(log, "w", encoding="utf-8") as out:
         daemon = subprocess.Popen([os.path.join(binaries, "sightlined"), "--config", config], stdout=out, stderr=out)
     try:
-        end = time.monotonic() + START_S + seconds
-        started = None
-        while time.monotonic() < end and daemon.poll() is None:
-            if started is None:
-                with open(log, encoding="utf-8", errors="replace") as file:
-                    if "/metrics" in file.read():
-                        started = time.monotonic()
-            elif time.monotonic() - started > seconds + TAIL_S:
-                break
-            time.sleep(0.1)
+        wait_until_serving(daemon, log)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            daemon.wait(timeout=seconds + TAIL_S)
+            raise RuntimeError(f"sightlined ended with {daemon.returncode} before its cameras had played out:\n"
+                               + log.read_text(encoding="utf-8", errors="replace"))
         daemon.send_signal(signal.SIGTERM)
-        daemon.wait(timeout=30)
+        daemon.wait(timeout=STOP_S)
     finally:
         if daemon.poll() is None:
             daemon.kill()
             daemon.wait()
 
 
-def judge(binaries, recording, record, camera, objects, folder):
-    """What `sightline evaluate` says of the recorded poses, at the recording's own times."""
-    live, own = read_times(record, camera), read_times(recording, camera)
+def recorded_in(folder, log):
+    """What the daemon recorded: its first recording."""
+    records = sorted(folder.iterdir())
+    if not records:
+        raise RuntimeError("nothing was recorded:\n" + log.read_text(encoding="utf-8", errors="replace"))
+    return load_recording(records[0])
+
+
+def write_mapped_poses(record, recording, camera, poses):
+    """The recorded poses at the recording's own times."""
+    live, own = record.capture_times(camera), recording.capture_times(camera)
     common = sorted(set(live) & set(own))
     if not common:
-        raise RuntimeError(f"{record}: no frame of {camera} in common")
+        raise RuntimeError(f"no recorded frame of {camera} is one of the recording's")
     shift = own[common[0]] - live[common[0]]
-    poses = os.path.join(folder, "poses.csv")
-    with open(os.path.join(record, "poses.csv"), encoding="utf-8", newline="") as source, \
+    with open(record.folder / "poses.csv", encoding="utf-8", newline="") as source, \
             open(poses, "w", encoding="utf-8", newline="") as target:
         rows = csv.reader(source)
         writer = csv.writer(target, lineterminator="\n")
-        writer.writerow(next(rows))
-        for row in rows:
-            writer.writerow([str(int(row[0]) + shift)] + row[1:])
-    keyframes = os.path.join(recording, "keyframes.csv")
-    sparse = os.path.exists(keyframes)
-    command = [os.path.join(binaries, "sightline"), "evaluate", "--json",
-               keyframes if sparse else os.path.join(recording, "truth.csv"), poses]
-    for path in objects:
-        command += ["--object", path]
-    text = subprocess.run(command, check=True, capture_output=True, text=True, timeout=120).stdout
+        writer.writerow(next(rows, []))
+        writer.writerows([str(int(row[0]) + shift)] + row[1:] for row in rows)
+
+
+def summary(evaluation, recording, first_tracking_s, load):
+    """What is printed of an object in a run; RuntimeError if nothing of it could be compared with the truth."""
+    if not evaluation["rows"] or not evaluation["judged"]:
+        raise RuntimeError(f"no recorded row of {evaluation['object']} has a truth at its time")
+    rows, searched = evaluation["rows"], evaluation["state_rows"]["searching"] + evaluation["state_rows"]["lost"]
+    best = up_to_symmetry(evaluation)
+    return {"recording": recording.name, "object": evaluation["object"],
+            "posed_percent": 100 * (rows - searched) / rows,
+            "within_percent": 100 * best["within"] / evaluation["judged"],
+            "first_tracking_s": first_tracking_s, "wrong_claims": evaluation["wrong_claims"],
+            "median_mm": best["errors"]["median_mm"], "median_deg": best["errors"]["median_deg"], "load": load}
+
+
+def judge(options, recording, record, camera, folder, load):
+    """What `sightline evaluate` says of the recorded poses: a summary per object."""
+    poses = folder / "poses.csv"
+    write_mapped_poses(record, recording, camera, poses)
+    start_ns = min(recording.capture_times(camera).values())
     first = {}
-    with open(poses, encoding="utf-8", newline="") as file:
-        for row in csv.DictReader(file):
-            if row["state"] == "tracking":
-                first.setdefault(row["object"], (int(row["t_ns"]) - min(own.values())) * 1e-9)
-    return json.loads(text)["objects"], first
+    for row in read_csv(poses):
+        if row["state"] == "tracking":
+            first.setdefault(row["object"], (int(row["t_ns"]) - start_ns) * 1e-9)
+    return [summary(e, recording, first.get(e["object"]), load) for e in evaluate(options.bin, recording, poses)]
 
 
-def run(recording, options):
-    with tempfile.TemporaryDirectory(prefix="sightline_live.") as folder:
-        config, cameras, objects = write_config(recording, folder, options)
-        times = read_times(recording, cameras[0])
-        seconds = (max(times.values()) - min(times.values())) * 1e-9
-        log = os.path.join(folder, "log")
+def run(recording, unplugged, options):
+    """Plays a recording once and judges it."""
+    load = os.getloadavg()[0]
+    camera = next(name for name in recording.cameras if name != unplugged)
+    times = recording.capture_times(camera).values()
+    with tempfile.TemporaryDirectory(prefix="sightline_live.") as name:
+        folder = pathlib.Path(name)
+        config = write_config(recording, unplugged, folder, options)
         with compilers(options.compilers):
-            play(options.bin, config, seconds, log)
-        records = sorted(os.listdir(os.path.join(folder, "records")))
-        if not records:
-            with open(log, encoding="utf-8") as file:
-                raise RuntimeError("nothing was recorded:\n" + file.read())
-        return judge(options.bin, recording, os.path.join(folder, "records", records[0]), cameras[0], objects, folder)
+            play(options.bin, config, (max(times) - min(times)) * 1e-9, folder / "log")
+        record = recorded_in(folder / "records", folder / "log")
+        return judge(options, recording, record, camera, folder, load)
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("recordings", nargs="+")
-    parser.add_argument("--bin", default="build/release/bin")
+def print_run(summaries, table):
+    for s in summaries:
+        first = float("nan") if s["first_tracking_s"] is None else s["first_tracking_s"]
+        print(f"{s['recording']:12} {s['object']:10} {s['posed_percent']:7.1f} {s['within_percent']:11.1f} "
+              f"{first:8.2f} {s['median_mm']:7.2f} {s['median_deg']:6.2f} {s['wrong_claims']:6} {s['load']:5.1f}",
+              file=table, flush=True)
+
+
+def print_medians(summaries, table):
+    shares = {}
+    for s in summaries:
+        shares.setdefault((s["recording"], s["object"]), []).append(s["within_percent"])
+    for (recording, name), values in shares.items():
+        print(f"{recording:12} {name:10} median of {len(values)} runs: {statistics.median(values):.1f} % within "
+              "5 cm + 5 deg", file=table, flush=True)
+
+
+def run_all(recording, unplugged, options, table):
+    """(summaries of all runs that could be judged, number of the others)"""
+    summaries, failures = [], 0
+    for i in range(1, options.runs + 1):
+        try:
+            found = run(recording, unplugged, options)
+        except (OSError, RuntimeError, ValueError, LookupError, subprocess.SubprocessError) as error:
+            reason = error if isinstance(error, RuntimeError) else f"{type(error).__name__}: {error}"
+            print(f"live.py: {recording.name}, run {i}: could not be judged: {reason}", file=sys.stderr, flush=True)
+            failures += 1
+            continue
+        print_run(found, table)
+        summaries += found
+    print_medians(summaries, table)
+    return summaries, failures
+
+
+def parse_arguments():
+    """(options, the unplugged camera of each recording)"""
+    parser = recording_parser(__doc__)
     parser.add_argument("--runs", type=int, default=3)
-    parser.add_argument("--modalities", default="region,edge,texture")
+    parser.add_argument("--modalities", default=MODALITIES)
     parser.add_argument("--extra", default="", help="further lines of the configuration's head")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--copies", type=int, default=1)
     parser.add_argument("--unplugged", default="", metavar="CAMERA|first")
     parser.add_argument("--compilers", type=int, default=0)
     options = parser.parse_args()
+    try:
+        return options, [unplugged_camera(recording, options.unplugged) for recording in options.recordings]
+    except ValueError as error:
+        parser.error(str(error))
+
+
+def main():
+    options, unplugged = parse_arguments()
     table = sys.stderr if options.json else sys.stdout
-    runs = []
-    print(f"{'recording':12} {'object':10} {'pose %':>7} {'5cm+5deg %':>11} {'first s':>8} {'mm':>7} {'deg':>6} {'wrong':>6} {'load':>5}", file=table)
-    for recording in options.recordings:
-        if not os.path.isfile(os.path.join(recording, "recording.toml")):
-            print(f"live.py: {recording}: not a recording folder", file=sys.stderr)
-            return 2
-        shares = {}
-        for _ in range(options.runs):
-            load = os.getloadavg()[0]
-            evaluated, first = run(recording, options)
-            for e in evaluated:
-                rows = max(1, e["rows"])
-                name = e["object"]
-                posed = 100 * (rows - e["state_rows"]["searching"] - e["state_rows"]["lost"]) / rows
-                best = e.get("up_to_symmetry", e) if e["judged"] and "up_to_symmetry" in e else e
-                within = 100 * best["within"] / max(1, e["judged"])
-                shares.setdefault(name, []).append(within)
-                print(f"{os.path.basename(os.path.normpath(recording)):12} {name:10} {posed:7.1f} {within:11.1f} "
-                      f"{first.get(name, float('nan')):8.2f} {best['errors']['median_mm']:7.2f} "
-                      f"{best['errors']['median_deg']:6.2f} {e['wrong_claims']:6} {load:5.1f}", file=table, flush=True)
-                runs.append({"recording": os.path.basename(os.path.normpath(recording)), "object": name,
-                             "within_percent": within, "first_tracking_s": first.get(name),
-                             "wrong_claims": e["wrong_claims"], "median_mm": best["errors"]["median_mm"], "load": load})
-        for name, values in shares.items():
-            print(f"{os.path.basename(os.path.normpath(recording)):12} {name:10} median of {len(values)} runs: "
-                  f"{statistics.median(values):.1f} % within 5 cm + 5 deg", file=table, flush=True)
+    print(f"{'recording':12} {'object':10} {'pose %':>7} {'5cm+5deg %':>11} {'first s':>8} {'mm':>7} {'deg':>6} "
+          f"{'wrong':>6} {'load':>5}", file=table, flush=True)
+    summaries, failures = [], 0
+    for recording, camera in zip(options.recordings, unplugged):
+        judged, missed = run_all(recording, camera, options, table)
+        summaries += judged
+        failures += missed
     if options.json:
-        print(json.dumps(runs, indent=2))
-    return 0
+        print(json.dumps(summaries, indent=2))
+    return 1 if failures else 0
 
 
 if __name__ == "__main__":
