@@ -229,6 +229,12 @@ std::vector<Rigid3> near_rotations_of(const NearSymmetries& near, size_t most,
   return out;
 }
 
+std::optional<ShapeSymmetry::Axis> near_axis_of(const NearSymmetries& near) {
+  if (near.axes.empty()) return std::nullopt;
+  const NearSymmetry& axis = near.axes.front();
+  return ShapeSymmetry::Axis{axis.turn.axis(), point_on_axis(axis.transform), false};
+}
+
 Result<NearSymmetries> find_near_symmetries(const TriangleMesh& mesh,
                                             const DepthRendererFactory& factory) {
   const Frame frame = frame_of(mesh);

@@ -236,6 +236,7 @@ std::string observe::ViewpointModelBuilder::write(const ViewpointModel& model) {
   put_rotations(out, model.symmetry_rotations_);
   put_rotations(out, model.near_rotations_);
   put_axis(out, model.symmetry_axis_);
+  put_axis(out, model.near_axis_);
   put(out, static_cast<uint32_t>(model.records_.size()));
   for (const auto& record : model.records_) {
     put(out, record.direction);
@@ -286,7 +287,8 @@ Result<std::shared_ptr<const ViewpointModel>> observe::ViewpointModelBuilder::re
   }
   if (!take_rotations(in, model->radius_, model->symmetry_rotations_) ||
       !take_rotations(in, model->radius_, model->near_rotations_) ||
-      !take_axis(in, model->radius_, model->symmetry_axis_)) {
+      !take_axis(in, model->radius_, model->symmetry_axis_) ||
+      !take_axis(in, model->radius_, model->near_axis_)) {
     return damaged("symmetry");
   }
   const observe::ViewSphere sphere = observe::make_view_sphere(options.subdivisions);

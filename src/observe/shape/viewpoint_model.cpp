@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "observe/shape/mesh_creases.hpp"
+#include "observe/shape/revolved_surface.hpp"
 #include "observe/shape/self_symmetry.hpp"
 #include "observe/shape/view_sampler.hpp"
 #include "observe/shape/view_sphere.hpp"
@@ -120,6 +121,7 @@ Result<std::shared_ptr<const ViewpointModel>> observe::ViewpointModelBuilder::fr
   model->near_rotations_ = near_rotations_of(
       near, ShapeSymmetry::kMax - std::min(ShapeSymmetry::kMax, model->symmetry_rotations_.size()),
       [&](const Rigid3& turn) { return model->angle_up_to_symmetry(turn, Rigid3()) < kSameTurn; });
+  if (!model->symmetry_axis_) model->near_axis_ = near_axis_of(near);
   // A line of crease points without gaps in the images.
   const double pixel = 2 * model->radius_ / (kFilled * options.image_px);
   ViewSampler sampler(camera, options, model->center_, model->radius_,
@@ -167,6 +169,9 @@ void ViewpointModel::finish() {
     start_of_cell_[cell] = static_cast<uint16_t>(at);
     at = nearest(middle_of_cell(cell));
     start_of_cell_[cell] = static_cast<uint16_t>(at);
+  }
+  if (auto revolved = observe::RevolvedSurface::of(*this)) {
+    revolved_ = std::make_shared<const observe::RevolvedSurface>(*std::move(revolved));
   }
 }
 

@@ -14,7 +14,8 @@ using namespace tuning;
 
 namespace {
 
-constexpr int kOffsets = 16;  // tried per line: -7.5 .. 7.5 segments
+constexpr double kSeenAlong = 0.2;  // of a meter beside it: seen end-on, a tangent has no direction
+constexpr int kOffsets = 16;        // tried per line: -7.5 .. 7.5 segments
 constexpr int kSegments = LineSamples::kSegments;
 constexpr int kPhases = 8;  // of a sample between two offsets
 
@@ -140,24 +141,49 @@ double Occluders::free_way(const ContourLine& line, double range, int sign, doub
   return reach_px;
 }
 
+// Turns a normal (unit) until it is perpendicular to a direction along the outline.
+void turn_across(const Eigen::Vector2d& along, Eigen::Vector2d& normal) {
+  const Eigen::Vector2d across = Eigen::Vector2d(-along.y(), along.x()).normalized();
+  normal = across.dot(normal) < 0 ? Eigen::Vector2d(-across) : across;
+}
+
+// Of a surface of revolution only what a turn does not move: body points of it would seem to
+// measure turns that nobody can see.
 void place_lines(const View& view, const CameraModel& camera, const Rigid3& camera_from_object,
-                 const Occluders& occluders, double margin_px, std::vector<ContourLine>& out) {
+                 const Occluders& occluders, double margin_px, const RevolvedSurface* revolved,
+                 std::vector<ContourLine>& out) {
   const LineProjector projector(camera, camera_from_object);
+  const Eigen::Vector3d camera_in_object = camera_from_object.inverse().translation;
   out.clear();
   for (const ContourSample& sample : view.contour) {
-    const Eigen::Vector3d point = sample.point.cast<double>();
+    const Eigen::Vector3d normal = sample.normal.cast<double>();
+    const Eigen::Vector3d sampled = sample.point.cast<double>();
+    const bool turns = revolved != nullptr && revolved->contains(sampled);
+    const auto limb = turns && sample.crease == 0
+                          ? revolved->limb(sampled, normal, camera_in_object)
+                          : std::nullopt;
+    const Eigen::Vector3d point = limb ? limb->point : sampled;
     const Eigen::Vector3d in_camera = projector.in_camera(point);
     Eigen::Matrix<double, 2, 3> pixel_by_point;
     const auto pixel = camera.project(in_camera, &pixel_by_point);
     if (!pixel || !inside_image(camera, *pixel, margin_px)) continue;
-    const Eigen::Vector2d across =
-        pixel_by_point * (projector.rotation() * sample.normal.cast<double>());
+    const Eigen::Vector2d across = pixel_by_point * (projector.rotation() * normal);
     const double px_per_meter = across.norm();
     if (!(px_per_meter > 1e-9) || occluders.hide(*pixel, in_camera)) continue;
     ContourLine& line = out.emplace_back();
     line.point_in_object = point;
     line.center = *pixel;
     line.normal = across / px_per_meter;
+    if (turns && (limb || sample.crease != 0)) {
+      const Eigen::Vector3d tangent = revolved->tangent(point);
+      Eigen::Vector2d along = pixel_by_point * (projector.rotation() * tangent);
+      if (limb) {
+        const Eigen::Vector2d other =
+            pixel_by_point * (projector.rotation() * limb->normal.cross(tangent));
+        if (other.squaredNorm() > along.squaredNorm()) along = other;
+      }
+      if (along.norm() > kSeenAlong * px_per_meter) turn_across(along, line.normal);
+    }
     line.by_pose = projector.derivative(point, line.normal, pixel_by_point);
     line.crease = sample.crease != 0;
     line.inside_px = occluders.free_way(line, in_camera.z(), -1,

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "observe/shape/revolved_surface.hpp"
 #include "observe/terms/line_jacobian.hpp"
 #include "observe/track/colors/appearance.hpp"
 #include "sightline/model/depth_renderer.hpp"
@@ -51,9 +52,11 @@ struct Occluders {
 };
 
 /// Places the lines of a view at a pose, through the exact lens. Lines that do not project, leave
-/// the image (by `margin_px`), or are hidden are left out.
+/// the image (by `margin_px`), or are hidden are left out. `revolved`: what of the object turns
+/// about its axis do not move; null: nothing.
 void place_lines(const View& view, const CameraModel& camera, const Rigid3& camera_from_object,
-                 const Occluders& occluders, double margin_px, std::vector<ContourLine>& out);
+                 const Occluders& occluders, double margin_px, const RevolvedSurface* revolved,
+                 std::vector<ContourLine>& out);
 
 /// Measures each line by color: the posterior of the outline's offset under the statistics, with a
 /// smoothed step between object and background (Stoiber et al., SRT3D, 2022, equations 7 to 14):

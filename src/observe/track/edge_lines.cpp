@@ -113,10 +113,16 @@ void edges_of_outline(std::span<const ContourLine> lines, bool at_creases, doubl
 
 void place_inner_edges(const View& view, const CameraModel& camera,
                        const Rigid3& camera_from_object, const Occluders& occluders,
-                       double reach_px, std::vector<EdgeLine>& out) {
+                       double reach_px, const RevolvedSurface* revolved,
+                       std::vector<EdgeLine>& out) {
   const LineProjector projector(camera, camera_from_object);
+  const Eigen::Vector3d camera_in_object = camera_from_object.inverse().translation;
   for (const InnerEdgeSample& sample : view.edges) {
-    const Eigen::Vector3d point = sample.point.cast<double>();
+    Eigen::Vector3d point = sample.point.cast<double>();
+    if (revolved != nullptr && sample.crease == 0 && revolved->contains(point)) {
+      const Eigen::Vector3d normal = revolved->tangent(point).cross(sample.tangent.cast<double>());
+      if (const auto limb = revolved->limb(point, normal, camera_in_object)) point = limb->point;
+    }
     const Eigen::Vector3d in_camera = projector.in_camera(point);
     Eigen::Matrix<double, 2, 3> pixel_by_point;
     const auto pixel = camera.project(in_camera, &pixel_by_point);

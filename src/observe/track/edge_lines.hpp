@@ -32,7 +32,8 @@ void edges_of_outline(std::span<const ContourLine> lines, bool at_creases, doubl
 /// Appends lines across a view's inner edges, placed at a pose.
 void place_inner_edges(const View& view, const CameraModel& camera,
                        const Rigid3& camera_from_object, const Occluders& occluders,
-                       double reach_px, std::vector<EdgeLine>& out);
+                       double reach_px, const RevolvedSurface* revolved,
+                       std::vector<EdgeLine>& out);
 
 /// Finds steps of light along each line: maxima of the gradient's magnitude above `threshold`
 /// (about gray levels per pixel), to sub-pixel by a parabola, strongest first, those that are

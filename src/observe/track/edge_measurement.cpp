@@ -129,7 +129,7 @@ void EdgeMeasurement::place_edges(const PlaneView& gray, const PlacedOutline& ou
   creases_ = {limbs_.to, edges_.size()};
   outer_ = {0, edges_.size()};
   place_inner_edges(outline.view(), camera_.camera->model, outline.camera_from_object(),
-                    outline.occluders(), options.edge_reach_px, edges_);
+                    outline.occluders(), options.edge_reach_px, outline.revolved(), edges_);
   inner_ = {outer_.to, edges_.size()};
   find_steps(gray, camera_.light, options.min_edge_step, edges_);
 }

@@ -29,7 +29,7 @@ void PlacedOutline::place(const Rigid3& world_from_object) {
   const Rigid3 camera_from_object = camera_->camera_from_world * world_from_object;
   view_ = views_->nearest(camera_from_object);
   place_lines(views_->view(view_), camera_->camera->model, camera_from_object, occluders_,
-              tuning::kBorderPx, lines_);
+              tuning::kBorderPx, revolved(), lines_);
 }
 
 double PlacedOutline::pixels_per_meter() const {

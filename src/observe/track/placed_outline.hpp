@@ -43,6 +43,7 @@ class PlacedOutline {
   Rigid3 camera_from_object() const { return camera_->camera_from_world * world_from_object_; }
   View view() const { return views_->view(view_); }
   const Occluders& occluders() const { return occluders_; }
+  const RevolvedSurface* revolved() const { return views_->revolved(); }
   std::vector<ContourLine>& lines() { return lines_; }
   const std::vector<ContourLine>& lines() const { return lines_; }
 

@@ -3,12 +3,14 @@
 
 #include <Eigen/Geometry>
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "sightline/base/result.hpp"
 #include "sightline/geometry/mesh.hpp"
 #include "sightline/geometry/rigid3.hpp"
 #include "sightline/model/depth_renderer.hpp"
+#include "sightline/model/shape_symmetry.hpp"
 
 namespace sightline {
 
@@ -45,6 +47,9 @@ struct NearSymmetries {
 /// for (exact symmetries).
 std::vector<Rigid3> near_rotations_of(const NearSymmetries& near, size_t most,
                                       const std::function<bool(const Rigid3&)>& same);
+
+/// The first of the axes, with a point on it; nothing without one.
+std::optional<ShapeSymmetry::Axis> near_axis_of(const NearSymmetries& near);
 
 /// Draws the mesh from 42 sides, as it is and turned about its principal axes in steps of 15
 /// degrees, improves the best by small steps, and compares the pictures (128 px). Colors do not

@@ -20,8 +20,9 @@
 
 namespace sightline {
 namespace observe {
+class RevolvedSurface;
 class ViewpointModelBuilder;
-}
+}  // namespace observe
 
 /// A point of the outline. All in the object's frame [m]. `normal` (unit) lies in the image
 /// plane of the view and points out of the silhouette: project `point` and `point + small *
@@ -125,6 +126,10 @@ class ViewpointModel {
   const std::optional<ShapeSymmetry::Axis>& symmetry_axis() const { return symmetry_axis_; }
   /// Transforms after which it looks nearly the same (see NearSymmetries).
   const std::vector<Rigid3>& near_rotations() const { return near_rotations_; }
+  /// Set if it looks nearly the same after any rotation about it.
+  const std::optional<ShapeSymmetry::Axis>& near_axis() const { return near_axis_; }
+  /// What of it turns about its axis, exact or near, do not move; null without one.
+  const observe::RevolvedSurface* revolved() const { return revolved_.get(); }
   /// Least rotation between the orientations of two poses that look alike by these [rad].
   double angle_up_to_symmetry(const Rigid3& a, const Rigid3& b) const;
 
@@ -149,7 +154,8 @@ class ViewpointModel {
   Eigen::Vector3d center_ = Eigen::Vector3d::Zero();
   double radius_ = 0;
   std::vector<Rigid3> symmetry_rotations_, near_rotations_;
-  std::optional<ShapeSymmetry::Axis> symmetry_axis_;
+  std::optional<ShapeSymmetry::Axis> symmetry_axis_, near_axis_;
+  std::shared_ptr<const observe::RevolvedSurface> revolved_;
   std::vector<Record> records_;
   std::vector<ContourSample> contours_;
   std::vector<InnerEdgeSample> edges_;
