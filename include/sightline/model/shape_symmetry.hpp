@@ -26,6 +26,8 @@ struct ShapeSymmetry {
     bool declared = false;  ///< they mean nothing to whoever asks for the pose either
   };
   std::optional<Axis> axis;
+  /// The same, but a small part of the shape tells them; not set beside `axis`.
+  std::optional<Axis> near_axis;
 };
 
 }  // namespace sightline

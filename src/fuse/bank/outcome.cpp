@@ -62,6 +62,7 @@ Outcome outcome_of(const Hypothesis& predicted, const GatedUpdate& update,
   if (options.adapt_motion) {
     learn(set.time, update.minimum, set.holding, largest_systematic(update), h.corrections,
           h.motion);
+    symmetric.bound_motion(h.motion);
   }
   add_systematic(update, set.holding, h.systematic_information);
   for (size_t i = 0; options.learn_systematic && i < update.accepted_measurements.size(); ++i) {

@@ -10,10 +10,12 @@
 namespace sightline::fuse {
 namespace {
 
-constexpr double kDecided = 8.0;            // cost above the best: one in three thousand
-constexpr double kMinAdvantage = 4.0;       // advantage for which another pose is taken
-constexpr double kMaxCost = 40.0;           // so that what was believed can be revised
-constexpr double kMaxCostPerCamera = 12.0;  // in one frame
+constexpr double kDecided = 8.0;               // cost above the best: one in three thousand
+constexpr double kMinAdvantage = 4.0;          // advantage for which another pose is taken
+constexpr double kMaxCost = 40.0;              // so that what was believed can be revised
+constexpr double kMaxNearCost = 16.0;          // the part that tells may be hidden for long
+constexpr double kLeastNearMotion = 1.0 / 16;  // of the nominal density about a near axis
+constexpr double kMaxCostPerCamera = 12.0;     // in one frame
 // Colors err in the same way from frame to frame, so that many weak hints prove nothing: what was
 // known fades by this with each set, and a set alone must be worth kDecided * (1 - kFading).
 constexpr double kFading = 0.85;
@@ -45,11 +47,14 @@ void bound_variance(Eigen::Index first, const Eigen::Vector3d& axis, double max,
 }  // namespace
 
 SymmetricHypotheses::SymmetricHypotheses(const ShapeSymmetry& shape_symmetry)
-    : axis_(shape_symmetry.axis) {
+    : near_axis_(shape_symmetry.near_axis.has_value()), axis_(shape_symmetry.axis) {
   symmetries_.emplace_back();
+  most_.push_back(kMaxCost);
   for (const auto* turns : {&shape_symmetry.rotations, &shape_symmetry.near_rotations}) {
     for (const Rigid3& turn : *turns) {
-      if (symmetries_.size() <= ShapeSymmetry::kMax) symmetries_.push_back(turn);
+      if (symmetries_.size() > ShapeSymmetry::kMax) break;
+      symmetries_.push_back(turn);
+      most_.push_back(turns == &shape_symmetry.near_rotations ? kMaxNearCost : kMaxCost);
     }
   }
   for (const Rigid3& turn : symmetries_) {
@@ -141,7 +146,7 @@ void SymmetricHypotheses::add_evidence(std::span<const Observation> set, const R
   }
   const double min =
       *std::min_element(costs.begin(), costs.begin() + static_cast<ptrdiff_t>(symmetries_.size()));
-  for (size_t k = 0; k < symmetries_.size(); ++k) costs[k] = std::min(costs[k] - min, kMaxCost);
+  for (size_t k = 0; k < symmetries_.size(); ++k) costs[k] = std::min(costs[k] - min, most_[k]);
 }
 
 bool SymmetricHypotheses::choose(Hypothesis& hypothesis) const {
@@ -211,6 +216,10 @@ void SymmetricHypotheses::bound_unobservable_axis(PoseEstimate& estimate) const 
   if (!axis_) return;
   bound_variance(0, axis_->direction, kFreeRotation, estimate.covariance);
   bound_variance(6, axis_->direction, kFreeSpin, estimate.covariance);
+}
+
+void SymmetricHypotheses::bound_motion(MotionScale& motion) const {
+  if (near_axis_) motion.angular = std::max(motion.angular, kLeastNearMotion);
 }
 
 Eigen::Matrix3d SymmetricHypotheses::known_rotation(const Eigen::Matrix3d& covariance) const {

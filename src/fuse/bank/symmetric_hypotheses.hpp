@@ -42,6 +42,9 @@ class SymmetricHypotheses {
   /// The shape does not tell the rotation about the axis: its variance is kept small and constant
   /// inside the filter (which pose of them is followed is a choice), and spread() says the rest.
   void bound_unobservable_axis(PoseEstimate& estimate) const;
+  /// A turn about a near axis is measured now and then only: what was learned of the motion while
+  /// it was not may not be true of it.
+  void bound_motion(MotionScale& motion) const;
   /// Covariance of the rotation without the one that is declared to mean nothing.
   Eigen::Matrix3d known_rotation(const Eigen::Matrix3d& covariance) const;
 
@@ -55,6 +58,8 @@ class SymmetricHypotheses {
                              SymmetryCosts& costs) const;
 
   std::vector<Rigid3> symmetries_;  ///< the identity first
+  std::vector<double> most_;        ///< by symmetry: its cost
+  bool near_axis_ = false;
   std::vector<Vector6> logs_;
   std::vector<bool> other_;  ///< by symmetry: turned by more than the filter takes back by itself
   /// By symmetry: from a tangent at the pose to that of its logarithm at the symmetric pose.

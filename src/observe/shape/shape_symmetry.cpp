@@ -49,6 +49,7 @@ ShapeSymmetry shape_symmetry_of(const ViewpointModel& views, const ObjectDescrip
                     [&](const Rigid3& other) { return same(transform.rotation, other.rotation); });
     if (!known) out.rotations.push_back(transform);
   }
+  if (!out.axis) out.near_axis = views.near_axis();
   for (const Rigid3& transform : views.near_rotations()) {
     if (out.rotations.size() + out.near_rotations.size() == ShapeSymmetry::kMax) break;
     if (!same(transform.rotation, Eigen::Quaterniond::Identity())) {

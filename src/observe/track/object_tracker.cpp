@@ -22,7 +22,7 @@ using observe::TrackerCamera;
 
 // Silhouettes of poses that look nearly the same are compared so often: ten drawings take longer
 // than tracking.
-constexpr Duration kCompare = std::chrono::milliseconds(150);
+constexpr Duration kCompare = std::chrono::milliseconds(200);
 constexpr Duration kCompareAmbiguous = std::chrono::milliseconds(60);
 
 Status require(bool good, const char* name, const char* range) {
