@@ -16,31 +16,6 @@ NearSymmetries find(const TriangleMesh& mesh) {
   return find_near_symmetries(mesh, mesh_depth_renderer_factory(renderable)).value();
 }
 
-// A column of 48 sides about z, 30 mm thick and 100 mm high, and a box beside it in the same mesh.
-TriangleMesh column_with(const Eigen::Vector3f& box_middle, const Eigen::Vector3f& box_size) {
-  constexpr uint32_t kSides = 48;
-  TriangleMesh mesh = make_box(box_size);
-  for (Eigen::Vector3f& vertex : mesh.vertices) vertex += box_middle;
-  const auto base = static_cast<uint32_t>(mesh.vertices.size());
-  for (uint32_t i = 0; i < 2 * kSides; ++i) {
-    const auto angle = static_cast<float>(2 * std::numbers::pi * (i % kSides) / kSides);
-    mesh.vertices.emplace_back(0.03f * std::cos(angle), 0.03f * std::sin(angle),
-                               i < kSides ? -0.05f : 0.05f);
-  }
-  for (uint32_t i = 0; i < kSides; ++i) {
-    const uint32_t k = (i + 1) % kSides;
-    mesh.faces.push_back({base + i, base + k, base + kSides + k});
-    mesh.faces.push_back({base + i, base + kSides + k, base + kSides + i});
-    if (i > 0 && k != 0) {
-      mesh.faces.push_back({base, base + k, base + i});
-      mesh.faces.push_back({base + kSides, base + kSides + i, base + kSides + k});
-    }
-  }
-  mesh.normals.clear();
-  mesh.face_normals.clear();
-  return finish_mesh(std::move(mesh), "column").value();
-}
-
 TEST(NearSymmetry, OfABoxItsHalfTurnsDifferByNothing) {
   const NearSymmetries found = find(make_box({0.16f, 0.10f, 0.12f}));
   EXPECT_TRUE(found.axes.empty());
@@ -55,7 +30,8 @@ TEST(NearSymmetry, OfABoxItsHalfTurnsDifferByNothing) {
 }
 
 TEST(NearSymmetry, OnlyTheHandleTellsTheTurnOfACup) {
-  const NearSymmetries found = find(column_with({0.036f, 0, 0}, {0.014f, 0.006f, 0.05f}));
+  const NearSymmetries found =
+      find(test::make_column_with_box({0.036f, 0, 0}, {0.014f, 0.006f, 0.05f}));
   ASSERT_EQ(found.axes.size(), 1u);
   const NearSymmetry& axis = found.axes[0];
   EXPECT_GT(std::abs(axis.turn.axis().z()), 0.98);
@@ -66,7 +42,8 @@ TEST(NearSymmetry, OnlyTheHandleTellsTheTurnOfACup) {
 }
 
 TEST(NearSymmetry, WhatHasNoneHasNone) {
-  const NearSymmetries found = find(column_with({0.07f, 0.02f, 0.06f}, {0.12f, 0.02f, 0.03f}));
+  const NearSymmetries found =
+      find(test::make_column_with_box({0.07f, 0.02f, 0.06f}, {0.12f, 0.02f, 0.03f}));
   EXPECT_TRUE(found.axes.empty());
   for (const NearSymmetry& turn : found.turns) EXPECT_GT(turn.mean.silhouette, 0.05);
 }

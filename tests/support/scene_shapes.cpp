@@ -226,4 +226,29 @@ Result<std::filesystem::path> write_object(const std::filesystem::path& folder,
   return make_error(ErrorCode::kIo, file.string(), "cannot write the object file");
 }
 
+TriangleMesh make_column_with_box(const Eigen::Vector3f& box_middle,
+                                  const Eigen::Vector3f& box_size) {
+  constexpr uint32_t kSides = 48;
+  TriangleMesh mesh = make_box(box_size);
+  for (Eigen::Vector3f& vertex : mesh.vertices) vertex += box_middle;
+  const auto base = static_cast<uint32_t>(mesh.vertices.size());
+  for (uint32_t i = 0; i < 2 * kSides; ++i) {
+    const auto angle = static_cast<float>(2 * std::numbers::pi * (i % kSides) / kSides);
+    mesh.vertices.emplace_back(0.03f * std::cos(angle), 0.03f * std::sin(angle),
+                               i < kSides ? -0.05f : 0.05f);
+  }
+  for (uint32_t i = 0; i < kSides; ++i) {
+    const uint32_t k = (i + 1) % kSides;
+    mesh.faces.push_back({base + i, base + k, base + kSides + k});
+    mesh.faces.push_back({base + i, base + kSides + k, base + kSides + i});
+    if (i > 0 && k != 0) {
+      mesh.faces.push_back({base, base + k, base + i});
+      mesh.faces.push_back({base + kSides, base + kSides + i, base + kSides + k});
+    }
+  }
+  mesh.normals.clear();
+  mesh.face_normals.clear();
+  return finish_mesh(std::move(mesh), "column").value();
+}
+
 }  // namespace sightline::test

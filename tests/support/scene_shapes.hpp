@@ -30,4 +30,9 @@ Result<std::filesystem::path> write_object(const std::filesystem::path& folder,
                                            const std::string& name, const TriangleMesh& mesh,
                                            Symmetry symmetry = Symmetry::kNone, int order = 1);
 
+/// A column of 48 sides about z, 30 mm thick and 100 mm high, and a box in the same mesh [m]: a cup
+/// with a handle.
+TriangleMesh make_column_with_box(const Eigen::Vector3f& box_middle,
+                                  const Eigen::Vector3f& box_size);
+
 }  // namespace sightline::test

@@ -2,9 +2,9 @@
 #include "observe/shape/revolved_surface.hpp"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <numbers>
@@ -13,16 +13,29 @@ namespace sightline::observe {
 namespace {
 
 constexpr int kFits = 8;
-constexpr size_t kEveryView = 4;
-constexpr double kFitScale = 0.02;  // of the radius: what is off by more does not belong to it
-constexpr int kSectors = 16;        // of the way around
-constexpr int kAllAround = 13;      // sectors in which the surface is found
-constexpr double kOnAxis = 0.03;    // of the radius
-constexpr double kMostTurn = 0.2;   // [rad] views are less than this apart
-constexpr double kMostAcross =
-    0.15;  // of a normal along the tangent: seen at the limb of another part
+constexpr size_t kEveryView = 2;
+constexpr double kFirstScale = 0.1,
+                 kLastScale = 0.01;  // [radii] what is off by more is no part of it
+constexpr double kMostStep = 0.5;    // [radii, rad]
+constexpr double kMostSteep = 0.3;   // of a normal along the axis
+constexpr double kReach = 2.0;       // [radii] along the axis
+constexpr int kSectors = 16;         // of the way around
+constexpr int kAllAround = 13;       // sectors in which the surface is found
+constexpr double kOnAxis = 0.03;     // of the radius
+constexpr double kMostTurn = 0.5;    // [rad] between views, and from inside the outline to the limb
+// Cosine between a normal and the direction from the axis, both across it: samples are taken up to
+// a pixel inside the outline, where a curved surface is well in front of its limb.
+constexpr double kLeastAlike = 0.8;
+constexpr double kLeastSide = 0.05;  // of a normal across the axis: a lid has no limb
 
 }  // namespace
+
+Eigen::Vector3d limb_normal(const View& view, const ContourSample& sample) {
+  const Eigen::Vector3d normal = sample.normal.cast<double>();
+  const Eigen::Vector3d camera = view.camera_from_object.inverse().translation;
+  const Eigen::Vector3d sight = (sample.point.cast<double>() - camera).normalized();
+  return (normal - normal.dot(sight) * sight).normalized();
+}
 
 std::optional<RevolvedSurface> RevolvedSurface::of(const ViewpointModel& views) {
   const auto& axis = views.symmetry_axis() ? views.symmetry_axis() : views.near_axis();
@@ -39,33 +52,65 @@ RevolvedSurface::RevolvedSurface(const ViewpointModel& views, const ShapeSymmetr
   find_profile(views);
 }
 
+// Medians: a handle is a part of the outline at few turns.
+std::array<double, RevolvedSurface::kAxial> RevolvedSurface::profile_of(
+    const std::vector<TangentLine>& lines) {
+  std::array<std::vector<double>, kAxial> distances;
+  for (const TangentLine& line : lines) distances[line.cell].push_back(line.distance);
+  std::array<double, kAxial> out{};
+  for (size_t k = 0; k < kAxial; ++k) {
+    std::vector<double>& all = distances[k];
+    if (all.empty()) continue;
+    const auto middle = all.begin() + static_cast<ptrdiff_t>(all.size() / 2);
+    std::nth_element(all.begin(), middle, all.end());
+    out[k] = *middle;
+  }
+  return out;
+}
+
 void RevolvedSurface::fit_axis(const ViewpointModel& views) {
-  for (int fit = 0; fit < kFits; ++fit) {
-    Eigen::Matrix<double, 6, 6> moments = Eigen::Matrix<double, 6, 6>::Zero();
-    for (size_t i = 0; i < views.size(); i += kEveryView) {
-      for (const ContourSample& sample : views.view(i).contour) {
-        if (sample.crease != 0) continue;
-        const Eigen::Vector3d p = (sample.point.cast<double>() - center_) / radius_;
-        const Eigen::Vector3d n = sample.normal.cast<double>();
-        const Eigen::Vector3d from_axis = p - (axis_.point - center_) / radius_;
-        const double off = n.dot(axis_.direction.cross(from_axis)) / kFitScale;
-        Eigen::Matrix<double, 6, 1> row;
-        row << p.cross(n), -n;
-        moments += row * row.transpose() / std::pow(1 + off * off, 2);
-      }
+  std::vector<TangentLine> lines;
+  double scale = kFirstScale;
+  for (int fit = 0; fit < kFits; ++fit, scale = std::max(kLastScale, 0.6 * scale)) {
+    const Eigen::Vector3d e1 = axis_.direction.unitOrthogonal();
+    const Eigen::Vector3d e2 = axis_.direction.cross(e1);
+    collect(views, e1, e2, lines);
+    const std::array<double, kAxial> radius = profile_of(lines);
+    Eigen::Matrix<double, 5, 5> moments = Eigen::Matrix<double, 5, 5>::Zero();
+    for (const TangentLine& line : lines) {
+      const double off = line.distance - radius[line.cell];
+      Eigen::Matrix<double, 5, 1> row;
+      row << line.normal, line.along * line.normal, off;
+      moments += row * row.transpose() / std::pow(1 + off * off / (scale * scale), 2);
     }
-    const Eigen::Matrix3d cross = moments.topRightCorner<3, 3>();
-    Eigen::Matrix3d own = moments.bottomRightCorner<3, 3>();
-    own.diagonal().array() += 1e-9 * (1 + own.trace());
-    const Eigen::Matrix3d gain = own.ldlt().solve(cross.transpose());
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(moments.topLeftCorner<3, 3>() -
-                                                                cross * gain);
-    Eigen::Vector3d direction = solver.eigenvectors().col(0);
-    if (direction.dot(axis_.direction) < 0) direction = -direction;
-    if (direction.dot(axis_.direction) < std::cos(kMostTurn)) return;  // it shows too little of it
-    const Eigen::Vector3d moment = -gain * direction;                  // a x c
-    axis_.direction = direction;
-    axis_.point = center_ + radius_ * moment.cross(direction);
+    moments.diagonal().head<4>().array() += 1e-9 * (1 + moments.trace());
+    const Eigen::Vector4d step =
+        moments.topLeftCorner<4, 4>().ldlt().solve(moments.topRightCorner<4, 1>());
+    if (!(step.norm() < kMostStep)) return;  // it shows too little of it
+    axis_.point += radius_ * (step[0] * e1 + step[1] * e2);
+    axis_.direction = (axis_.direction + step[2] * e1 + step[3] * e2).normalized();
+  }
+}
+
+// Samples lie up to a pixel inside the outline, well in front of the limb, but the tangent plane
+// there is seen edge-on: its distance from the axis is exact.
+void RevolvedSurface::collect(const ViewpointModel& views, const Eigen::Vector3d& e1,
+                              const Eigen::Vector3d& e2, std::vector<TangentLine>& lines) const {
+  lines.clear();
+  for (size_t i = 0; i < views.size(); i += kEveryView) {
+    const View view = views.view(i);
+    for (const ContourSample& sample : view.contour) {
+      if (sample.crease != 0) continue;
+      const Eigen::Vector3d n = limb_normal(view, sample);
+      const double steep = n.dot(axis_.direction);
+      if (std::abs(steep) > kMostSteep) continue;
+      const Eigen::Vector3d p = (sample.point.cast<double>() - axis_.point) / radius_;
+      const double side = std::sqrt(1 - steep * steep), along = p.dot(axis_.direction);
+      const double row = 0.5 * (along / kReach + 1) * kAxial;
+      if (!(row >= 0 && row < kAxial)) continue;
+      lines.push_back({Eigen::Vector2d(n.dot(e1), n.dot(e2)) / side,
+                       (n.dot(p) - steep * along) / side, along, static_cast<size_t>(row)});
+    }
   }
 }
 
@@ -119,17 +164,18 @@ std::optional<RevolvedSurface::LimbPoint> RevolvedSurface::limb(
     const Eigen::Vector3d& point, const Eigen::Vector3d& normal,
     const Eigen::Vector3d& camera) const {
   const Eigen::Vector3d& a = axis_.direction;
-  const Eigen::Vector3d p = point - axis_.point, c = camera - axis_.point;
-  const Eigen::Vector3d out = p - a.dot(p) * a;
-  if (out.norm() < kOnAxis * radius_) return std::nullopt;
-  const Eigen::Vector3d tangent = a.cross(out).normalized();
-  if (std::abs(normal.dot(tangent)) > kMostAcross) return std::nullopt;
-  const Eigen::Vector3d n = (normal - normal.dot(tangent) * tangent).normalized();
-  // n . p does not change with the turn; (R n) . c does, as a cosine.
-  const Eigen::Vector3d side = n - a.dot(n) * a;
+  const Eigen::Vector3d from_axis = point - axis_.point, c = camera - axis_.point;
+  const double along = a.dot(from_axis), steep = a.dot(normal);
+  const Eigen::Vector3d out = from_axis - along * a, side = normal - steep * a;
   const double length = side.norm();
-  if (length < 1e-6) return std::nullopt;
-  const double level = a.dot(n) * a.dot(c);
+  if (out.norm() < kOnAxis * radius_ || length < kLeastSide) return std::nullopt;
+  if (out.dot(side) < kLeastAlike * out.norm() * length) return std::nullopt;
+  // Where the tangent plane that the sample lies in touches the surface.
+  const Eigen::Vector3d n = normal;
+  const Eigen::Vector3d p =
+      along * a + (n.dot(from_axis) - steep * along) / (length * length) * side;
+  // n . p does not change with the turn; (R n) . c does, as a cosine.
+  const double level = steep * a.dot(c);
   const double x = side.dot(c), y = a.cross(side).dot(c);  // x cos + y sin = n . p - level
   const double reach = std::hypot(x, y), wanted = n.dot(p) - level;
   if (!(reach > 0) || std::abs(wanted) > reach) return std::nullopt;

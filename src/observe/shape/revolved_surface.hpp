@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -9,6 +10,10 @@
 #include "sightline/observe/shape/viewpoint_model.hpp"
 
 namespace sightline::observe {
+
+/// Surface normal at a point of a smooth limb, from the normal of the outline in the image plane of
+/// the view: perpendicular to the line of sight. Object frame; unit.
+Eigen::Vector3d limb_normal(const View& view, const ContourSample& sample);
 
 /// The part of a shape that turns about its axis do not move: all of a bottle, a cup but for its
 /// handle. Samples of an outline belong to the view they were taken from; as points of the body
@@ -22,9 +27,9 @@ class RevolvedSurface {
   bool contains(const Eigen::Vector3d& point) const;
   /// Direction in which a turn moves a point beside the axis; unit.
   Eigen::Vector3d tangent(const Eigen::Vector3d& point) const;
-  /// A point of the limb of some view (surface normal `normal`) turned to where the same profile is
-  /// the limb as the camera at `camera` sees it:  (R n) . (R p - c) = 0.  Nothing if that is no
-  /// small turn, or if the normal is not one of this surface.
+  /// From a sample of a view's outline (its point, and its limb_normal()): the point of the same
+  /// profile that is the limb as the camera at `camera` sees it:  (R n) . (R p - c) = 0.  Nothing
+  /// if that is no small turn away, or if the normal is not one of this surface.
   struct LimbPoint {
     Eigen::Vector3d point, normal;
   };
@@ -34,8 +39,18 @@ class RevolvedSurface {
  private:
   static constexpr size_t kRadial = 48, kAxial = 96;  ///< cells of the profile
   RevolvedSurface(const ViewpointModel& views, const ShapeSymmetry::Axis& about);
-  /// Normals of a surface of revolution meet its axis (Pottmann and Randrup, "Rotational and
-  /// helical surface approximation", 1998): least squares of a . (p x n) - (a x c) . n, robust.
+  /// Where an outline crosses a plane across the axis: the tangent there, in radii.
+  struct TangentLine {
+    Eigen::Vector2d normal;  ///< unit, outwards
+    double distance = 0;     ///< from the axis
+    double along = 0;        ///< the axis
+    size_t cell = 0;         ///< of `along`
+  };
+  static std::array<double, kAxial> profile_of(const std::vector<TangentLine>& lines);
+  void collect(const ViewpointModel& views, const Eigen::Vector3d& e1, const Eigen::Vector3d& e2,
+               std::vector<TangentLine>& lines) const;
+  /// At the same height, all tangents of a surface of revolution are as far from its axis: robust
+  /// least squares over axis and radii (iteratively reweighted, Gauss-Newton).
   void fit_axis(const ViewpointModel& views);
   void find_profile(const ViewpointModel& views);
   /// kRadial * kAxial where there is none.

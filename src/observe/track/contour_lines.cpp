@@ -160,7 +160,7 @@ void place_lines(const View& view, const CameraModel& camera, const Rigid3& came
     const Eigen::Vector3d sampled = sample.point.cast<double>();
     const bool turns = revolved != nullptr && revolved->contains(sampled);
     const auto limb = turns && sample.crease == 0
-                          ? revolved->limb(sampled, normal, camera_in_object)
+                          ? revolved->limb(sampled, limb_normal(view, sample), camera_in_object)
                           : std::nullopt;
     const Eigen::Vector3d point = limb ? limb->point : sampled;
     const Eigen::Vector3d in_camera = projector.in_camera(point);
