@@ -222,6 +222,7 @@ std::vector<Rigid3> near_rotations_of(const NearSymmetries& near, size_t most,
     }
   }
   for (const NearSymmetry& turn : near.turns) {
+    if (turn.mean.surface > kMaxSurfaceAboutAxis) continue;  // edges inside tell it
     add(turn.transform);
     const Rigid3 back = turn.transform.inverse();
     if (rotation_angle(turn.transform, back) > kFirstStep) add(back);

@@ -64,7 +64,10 @@ std::vector<PoseHypothesis> compare_symmetric_poses(const Frame& frame, const Ri
   known |= texture && add_texture_costs(frame, poses, camera, occluders, *texture, costs);
   if (silhouettes != nullptr) {
     const auto& outlines = silhouettes->compare(ColorReader(frame.i420()), fitted, occluders);
-    for (size_t k = 0; k < outlines.size(); ++k) costs[k] += outlines[k];
+    // Exact symmetries have the silhouette of the pose itself.
+    for (size_t k = 0; !outlines.empty() && k < poses.size(); ++k) {
+      costs[k] += outlines[k < outlines.size() ? k : 0];
+    }
     known |= !outlines.empty();
   }
   std::vector<PoseHypothesis> out;
