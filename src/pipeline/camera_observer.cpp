@@ -11,6 +11,17 @@
 namespace sightline {
 namespace {
 
+// For silhouettes of some dozen cells: a fifth of a cell off at most.
+std::shared_ptr<const RenderMesh> coarse_mesh(const RigObject& object) {
+  constexpr double kError = 0.006;  // [radii]
+  std::shared_ptr<const RenderMesh> out = object.mesh;
+  if (!object.levels) return out;
+  for (const LevelOfDetail::Level& level : object.levels->levels()) {
+    if (level.error < kError * object.views->radius()) out = level.mesh;
+  }
+  return out;
+}
+
 std::vector<TrackedObject> tracked_objects(const Rig& rig, CameraId camera) {
   std::vector<TrackedObject> objects;
   for (const RigObject& object : rig.objects) {
@@ -21,7 +32,10 @@ std::vector<TrackedObject> tracked_objects(const Rig& rig, CameraId camera) {
                        mesh_depth_renderer_factory(object.mesh, geometry), object.shape_symmetry,
                        symmetric || object.printed ? object.samples : nullptr, object.printed,
                        object.printed ? mesh_print_renderer_factory(object.painted, geometry)
-                                      : PrintRendererFactory()});
+                                      : PrintRendererFactory(),
+                       object.shape_symmetry.near_rotations.empty()
+                           ? DepthRendererFactory()
+                           : mesh_depth_renderer_factory(coarse_mesh(object))});
   }
   return objects;
 }

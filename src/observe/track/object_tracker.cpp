@@ -79,7 +79,7 @@ class ObjectTracker::Impl {
   struct State {
     State(const TrackerCamera& camera, CameraId id, TrackedObject tracked)
         : object(std::move(tracked)), tracker(camera, object), appearance(camera, id, object) {
-      if (object.shape_symmetry.near_rotations.empty() || !object.depth) return;
+      if (object.shape_symmetry.near_rotations.empty() || !object.silhouette) return;
       silhouettes = std::make_unique<observe::SilhouetteComparison>(camera, object);
     }
     const TrackedObject object;

@@ -28,7 +28,7 @@ CameraModel grid_camera(int side, double distance) {
 SilhouetteComparison::SilhouetteComparison(const TrackerCamera& camera, const TrackedObject& object)
     : camera_(camera),
       object_(object),
-      renderer_(object.depth(grid_camera(kSide, kDistance))),
+      renderer_(object.silhouette(grid_camera(kSide, kDistance))),
       covered_(size_t{kSide} * kSide),
       bins_(size_t{kSide} * kSide) {}
 

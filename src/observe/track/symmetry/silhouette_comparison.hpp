@@ -17,7 +17,7 @@ namespace sightline::observe {
 /// which of them the pixels in between belong.
 class SilhouetteComparison {
  public:
-  /// The object's near_rotations, and its `depth` renderers.
+  /// The object's near_rotations, and its `silhouette` renderers.
   SilhouetteComparison(const TrackerCamera& camera, const TrackedObject& object);
 
   /// -log likelihood of `pose` (world_from_object) and of pose * near_rotations[i], up to a common
