@@ -28,6 +28,8 @@ ShapeSymmetry box() {
   const Eigen::Vector3d center(0.01, -0.02, 0.03);
   return {{turn(Eigen::Vector3d::UnitX(), 180, center), turn(Eigen::Vector3d::UnitY(), 180, center),
            turn(Eigen::Vector3d::UnitZ(), 180, center)},
+          {},
+          {},
           {}};
 }
 
@@ -289,6 +291,92 @@ TEST(SymmetricHypotheses, AnAxisThatIsNotDeclaredIsWeakAndNamed) {
     EXPECT_GT(std::abs(estimate.weak_axis().dot(axis)), std::cos(5 * kDeg));
   }
   EXPECT_GT(weak, 20);
+}
+
+/// A cup: a small handle tells the turn about z, where it shows.
+ShapeSymmetry cup() {
+  ShapeSymmetry out;
+  out.near_axis = {Eigen::Vector3d::UnitZ(), Eigen::Vector3d::Zero(), false};
+  for (int degrees = 15; degrees < 360; degrees += 15) {
+    out.near_rotations.push_back(turn(Eigen::Vector3d::UnitZ(), degrees, {0, 0, 0}));
+  }
+  return out;
+}
+
+/// What silhouettes say: the farther from the truth, the less likely, up to 90 degrees.
+void add_silhouettes(const Rigid3& truth, const Rigid3& pose, double most,
+                     std::vector<Observation>& set) {
+  std::vector<Rigid3> turns = cup().near_rotations;
+  turns.insert(turns.begin(), Rigid3());
+  for (Observation& observation : set) {
+    if (observation.terms.empty()) continue;
+    for (const Rigid3& turn : turns) {
+      const double off = rotation_angle(pose * turn, truth) / (90 * kDeg);
+      observation.symmetric_hypotheses.push_back({pose * turn, most * std::min(1.0, off)});
+    }
+  }
+}
+
+/// The handle, where it shows: the turn to a degree or two, from less than 20 degrees away.
+std::vector<std::vector<Observation>> cup_sets(const SyntheticRig& rig, Duration shown) {
+  auto sets = rig.sets();
+  const Time start = sets.front()[0].capture;
+  for (auto& set : sets) {
+    for (Observation& observation : set) {
+      for (PoseTermPtr& term : observation.terms) {
+        if (set[0].capture - start >= shown) term = std::make_shared<RoundTerm>(term);
+      }
+    }
+  }
+  return sets;
+}
+
+TEST(NearAxis, IsFollowedToTheTurnThatThePictureTells) {
+  const SyntheticRig rig(rig_options());
+  ShapeSymmetry as_terms = cup();
+  as_terms.rotations = as_terms.near_rotations;
+  for (const size_t wrong : {0u, 2u, 6u, 12u}) {
+    ObjectEstimator estimator = estimator_of(cup());
+    Rigid3 pose;
+    int sure = 0, count = 0;
+    for (auto& set : shape_sets(rig, as_terms, wrong)) {
+      const Rigid3 truth = rig.truth(set[0].capture);
+      if (++count > 8) add_silhouettes(truth, pose, 6.0, set);
+      const PoseEstimate estimate = estimator.process(set).estimate;
+      if (!has_pose(estimate.state)) continue;
+      pose = estimate.world_from_object;
+      if (count <= 8) {
+        EXPECT_NE(estimate.state, TrackState::kTracking) << "nothing tells the turn";
+      }
+      if (estimate.state != TrackState::kTracking) continue;
+      ++sure;
+      EXPECT_LT(rotation_angle(truth, pose), 3 * kDeg) << wrong;
+    }
+    EXPECT_GT(sure, 10) << wrong;
+  }
+}
+
+TEST(NearAxis, IsWeakAgainSoonAfterTheHandleIsHidden) {
+  const SyntheticRig rig(rig_options(2s));
+  ObjectEstimator estimator = estimator_of(cup());
+  const auto sets = cup_sets(rig, 600ms);
+  const Time start = sets.front()[0].capture;
+  int sure_while_shown = 0, sure_long_after = 0, outside = 0;
+  for (auto set : sets) {
+    const Duration age = set[0].capture - start;
+    const Rigid3 truth = rig.truth(set[0].capture);
+    if (age < 600ms) add_silhouettes(truth, truth, 8.0, set);
+    const PoseEstimate estimate = estimator.process(set).estimate;
+    const bool sure = estimate.state == TrackState::kTracking;
+    if (age > 300ms && age < 600ms) sure_while_shown += sure ? 1 : 0;
+    if (age > 1200ms) sure_long_after += sure ? 1 : 0;
+    if (!has_pose(estimate.state)) continue;
+    const Vector6 off = difference(estimate.world_from_object, truth);
+    outside += off.dot(estimate.pose_covariance().ldlt().solve(off)) > 22.5 ? 1 : 0;
+  }
+  EXPECT_GT(sure_while_shown, 7);
+  EXPECT_EQ(sure_long_after, 0);
+  EXPECT_EQ(outside, 0) << "the covariance covers the truth";
 }
 
 TEST(SymmetricHypotheses, LateSetsComeToTheSame) {
