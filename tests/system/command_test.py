@@ -144,6 +144,9 @@ class FoundFromNothing(TemporaryFolder):
     def test_plain_object_on_an_empty_table(self):
         self.assertGreaterEqual(self.follow("valve"), 0.9)
 
+    def test_cup_whose_handle_alone_tells_its_turn(self):
+        self.assertGreaterEqual(self.follow("cup"), 0.8)
+
     def test_tool_in_a_hand(self):
         self.assertGreaterEqual(self.follow("drill"), 0.5)
 
