@@ -20,10 +20,11 @@ using observe::ModelTracker;
 using observe::OccludingSphere;
 using observe::TrackerCamera;
 
-// Silhouettes of poses that look nearly the same are compared so often: ten drawings take longer
-// than tracking.
+// Silhouettes of poses that look nearly the same are compared so often, and sooner while the turn is
+// not measured well: drawing all of them takes longer than tracking.
 constexpr Duration kCompare = std::chrono::milliseconds(200);
-constexpr Duration kCompareAmbiguous = std::chrono::milliseconds(60);
+constexpr Duration kCompareSoon = std::chrono::milliseconds(60);
+constexpr double kWeakTurn = 0.02;  // [rad]
 
 Status require(bool good, const char* name, const char* range) {
   if (good) return {};
@@ -153,7 +154,8 @@ void ObjectTracker::Impl::track(State& state, const Frame& frame, const PoseAt& 
     return;
   }
   const observe::PlacedOutline& outline = state.tracker.outline();
-  const Duration pause = ambiguous ? kCompareAmbiguous : kCompare;
+  const bool weak = at.estimate.own_sigma_rotation() > kWeakTurn;
+  const Duration pause = ambiguous || weak ? kCompareSoon : kCompare;
   const bool compare = state.silhouettes && frame.info().capture - state.compared >= pause;
   if (compare) state.compared = frame.info().capture;
   if (compare || (ambiguous && !state.silhouettes)) {
