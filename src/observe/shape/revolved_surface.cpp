@@ -23,9 +23,9 @@ constexpr int kSectors = 16;         // of the way around
 constexpr int kAllAround = 13;       // sectors in which the surface is found
 constexpr double kOnAxis = 0.03;     // of the radius
 constexpr double kMostTurn = 0.5;    // [rad] between views, and from inside the outline to the limb
-// Cosine between a normal and the direction from the axis, both across it: samples are taken up to
-// a pixel inside the outline, where a curved surface is well in front of its limb.
-constexpr double kLeastAlike = 0.8;
+// Samples are taken up to a pixel inside the outline of a view, where a curved surface is well in
+// front of its limb: so near is the limb to the axis, as a share of the sample's distance.
+constexpr double kLeastDistance = 0.88;
 constexpr double kLeastSide = 0.05;  // of a normal across the axis: a lid has no limb
 
 }  // namespace
@@ -169,11 +169,11 @@ std::optional<RevolvedSurface::LimbPoint> RevolvedSurface::limb(
   const Eigen::Vector3d out = from_axis - along * a, side = normal - steep * a;
   const double length = side.norm();
   if (out.norm() < kOnAxis * radius_ || length < kLeastSide) return std::nullopt;
-  if (out.dot(side) < kLeastAlike * out.norm() * length) return std::nullopt;
   // Where the tangent plane that the sample lies in touches the surface.
   const Eigen::Vector3d n = normal;
-  const Eigen::Vector3d p =
-      along * a + (n.dot(from_axis) - steep * along) / (length * length) * side;
+  const double distance = out.dot(side) / length;
+  if (distance < kLeastDistance * out.norm()) return std::nullopt;
+  const Eigen::Vector3d p = along * a + distance / length * side;
   // n . p does not change with the turn; (R n) . c does, as a cosine.
   const double level = steep * a.dot(c);
   const double x = side.dot(c), y = a.cross(side).dot(c);  // x cos + y sin = n . p - level

@@ -20,8 +20,8 @@ using observe::ModelTracker;
 using observe::OccludingSphere;
 using observe::TrackerCamera;
 
-// Silhouettes of poses that look nearly the same are compared so often, and sooner while the turn is
-// not measured well: drawing all of them takes longer than tracking.
+// Silhouettes of poses that look nearly the same are compared so often, and sooner while the turn
+// is not measured well: drawing all of them takes longer than tracking.
 constexpr Duration kCompare = std::chrono::milliseconds(200);
 constexpr Duration kCompareSoon = std::chrono::milliseconds(60);
 constexpr double kWeakTurn = 0.02;  // [rad]
