@@ -1,0 +1,11 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "commands.hpp"
+
+namespace sightline::cli {
+
+/// The sub-commands of `sightline calibrate`, each added to it.
+void add_calibrate_solve(CLI::App& parent, Command& chosen);
+
+}  // namespace sightline::cli
