@@ -2,11 +2,14 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <memory>
 
 #include "calibrate/calibrate_commands.hpp"
 #include "calibrate/solve_arguments.hpp"
 #include "report.hpp"
+#include "sightline/base/files.hpp"
+#include "sightline/calibrate/assess.hpp"
 #include "sightline/calibrate/calibration_file.hpp"
 
 namespace sightline::cli {
@@ -16,20 +19,85 @@ struct SolveCommandOptions {
   ViewArguments views;
   std::vector<std::string> models;
   std::filesystem::path intrinsics;
+  std::filesystem::path out = "calibration";
+  std::string reference;
+  bool json = false;
   SolveOptions solve;
 };
+
+std::vector<CalibratedCamera> cameras_of(const RigSolution& solution) {
+  std::vector<CalibratedCamera> cameras;
+  for (const SolvedCamera& solved : solution.cameras) cameras.push_back(solved.camera);
+  return cameras;
+}
+
+void print(const RigSolution& solution, const RigReport& report) {
+  fmt::print("{} corners in the fit, {} left out; RMS {:.6f} px\n", solution.corners,
+             solution.rejected, solution.rms_px);
+  if (report.held_out_px) fmt::print("held out: {:.4f} px\n", *report.held_out_px);
+  if (report.rigidity) {
+    fmt::print("lengths on the target: {:.3f} mm RMS ({:.3f} mm of neighbors), scale {:.5f}\n",
+               report.rigidity->rms_mm, report.rigidity->adjacent_mm, report.rigidity->scale);
+  }
+  fmt::print("{:<12} {:>6} {:>9} {:>9} {:>9} {:>8} {:>9} {:>9}\n", "camera", "views", "fit px",
+             "held px", "half mm", "half deg", "half px", "offset ms");
+  const auto text = [](const std::optional<double>& value) {
+    return value ? fmt::format("{:.3f}", *value) : std::string("-");
+  };
+  for (size_t c = 0; c < report.cameras.size(); ++c) {
+    const CameraReport& r = report.cameras[c];
+    const SolvedCamera& s = solution.cameras[c];
+    const auto half = [&](double SplitHalf::*member) {
+      return r.split_half ? std::optional<double>((*r.split_half).*member) : std::nullopt;
+    };
+    fmt::print("{:<12} {:>6} {:>9.3f} {:>9} {:>9} {:>8} {:>9} {:>9.1f}\n", r.name, s.views,
+               s.camera.rms_px, text(r.held_out_px), text(half(&SplitHalf::center_mm)),
+               text(half(&SplitHalf::rotation_deg)), text(half(&SplitHalf::median_px)),
+               1e3 * s.time_offset_s);
+  }
+  for (const CameraReport& r : report.cameras) {
+    for (const std::string& remark : r.remarks) fmt::print("{}: {}\n", r.name, remark);
+  }
+}
+
+/// calibration.toml last: it is in force once it is there, and what explains it is there by then.
+Status write(const std::filesystem::path& folder, const CalibrationViews& views,
+             const RigSolution& solution, const RigReport& report, const std::string& epoch) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) return make_error(ErrorCode::kIo, folder.string(), "cannot make it: {}", error.message());
+  SL_RETURN_IF_ERROR(write_file_atomically(folder / "corners.csv", format_views(views)));
+  SL_RETURN_IF_ERROR(
+      write_file_atomically(folder / "report.json", report_json(views, solution, report, epoch)));
+  SL_RETURN_IF_ERROR(
+      write_file_atomically(folder / "report.html", report_html(views, solution, report, epoch)));
+  return write_calibration(folder / "calibration.toml", cameras_of(solution));
+}
 
 Status run(const SolveCommandOptions& o) {
   SL_ASSIGN(const CalibrationViews views, load_views(o.views));
   SolveOptions options = o.solve;
   SL_ASSIGN(options.cameras, parse_priors(views, o.models, o.intrinsics));
-  SL_ASSIGN(const RigSolution s, solve_rig(views, options));
-  fmt::print("rms {:.6f} sigma {:.4f} corners {} rejected {} iterations {} bend {} {} mm\n", s.rms_px, s.sigma_px, s.corners, s.rejected, s.iterations, 1e3*s.bend.x(), 1e3*s.bend.y());
-  for (const auto& c : s.cameras) {
-    fmt::print("{} rms {:.4f} views {} corners {} rej {}\n", c.camera.name, c.camera.rms_px, c.views, c.corners, c.rejected);
-    for (const auto& e : c.estimates) fmt::print("  {} {:.4f}+-{:.4f}", e.name, e.value, e.sigma);
-    const auto t = c.camera.world_from_camera.translation;
-    fmt::print("\n  t {} {} {} norm {}\n", t.x(), t.y(), t.z(), t.norm());
+  if (!o.reference.empty()) {
+    const auto found = std::find_if(views.cameras.begin(), views.cameras.end(),
+                                    [&](const ViewedCamera& c) { return c.name == o.reference; });
+    if (found == views.cameras.end()) {
+      return make_error(ErrorCode::kInvalidInput, "--reference", "no camera '{}' took part",
+                        o.reference);
+    }
+    options.reference = static_cast<size_t>(found - views.cameras.begin());
+  }
+  SL_ASSIGN(const RigSolution solution, solve_rig(views, options));
+  SL_ASSIGN(const RigReport report, assess_rig(views, options, solution));
+  const std::string epoch = fmt::format(
+      "{:016x}", content_hash(format_views(views) + format_calibration(cameras_of(solution))));
+  SL_RETURN_IF_ERROR(write(o.out, views, solution, report, epoch));
+  if (o.json) {
+    fmt::print("{}", report_json(views, solution, report, epoch));
+  } else {
+    print(solution, report);
+    fmt::print("written: {}/calibration.toml, report.html, report.json, corners.csv\n",
+               o.out.string());
   }
   return {};
 }
@@ -38,14 +106,30 @@ Status run(const SolveCommandOptions& o) {
 
 void add_calibrate_solve(CLI::App& parent, Command& chosen) {
   auto options = std::make_shared<SolveCommandOptions>();
-  auto* command = parent.add_subcommand("solve", "lenses and places of all cameras");
+  auto* command = parent.add_subcommand(
+      "solve", "lenses and places of all cameras, from images of a target, with a report");
   add_view_arguments(*command, options->views);
-  command->add_option("--model", options->models, "lens model")->allow_extra_args(false);
-  command->add_option("--intrinsics", options->intrinsics, "known lenses");
-  command->add_flag("--bend", options->solve.bend, "bend");
-  command->add_flag("--time-offsets", options->solve.time_offsets, "offsets");
-  command->add_option("--huber", options->solve.huber_px, "");
-  command->add_option("--reject", options->solve.reject_sigmas, "");
+  command->add_option("--out", options->out,
+                      "folder for calibration.toml, report.html, report.json and corners.csv "
+                      "(default: calibration)");
+  command
+      ->add_option("--model", options->models,
+                   "brown_conrady (default), rational or fisheye; NAME=MODEL for one camera; may be "
+                   "repeated")
+      ->allow_extra_args(false);
+  command->add_option("--intrinsics", options->intrinsics,
+                      "calibration.toml whose lenses are held; only the places are solved for");
+  command->add_option("--reference", options->reference,
+                      "camera whose frame becomes the world's (default: the first)");
+  command->add_flag("--bend", options->solve.bend, "the target may be bent: solve for that, too");
+  command->add_flag("--time-offsets", options->solve.time_offsets,
+                    "the stamps of cameras may be late: solve for that, too (moving target)");
+  command->add_option("--huber", options->solve.huber_px,
+                      "robust loss beyond so many pixels (default: none)");
+  command->add_option("--reject", options->solve.reject_sigmas,
+                      "leave out corners farther off than so many robust sigmas (default 6; 0: "
+                      "none)");
+  command->add_flag("--json", options->json, "print the report as JSON");
   command->callback([options, &chosen] {
     chosen = [options] {
       const Status done = run(*options);

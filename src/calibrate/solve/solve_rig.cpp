@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "calibrate/report/rig_bundle.hpp"
 #include "calibrate/solve/bundle.hpp"
 #include "calibrate/solve/chain.hpp"
 #include "calibrate/solve/covariance.hpp"
@@ -292,20 +293,7 @@ Result<RigSolution> resolve_rig(const CalibrationViews& views, const SolveOption
 std::vector<std::vector<Eigen::Vector2d>> corner_errors(const CalibrationViews& views,
                                                         const RigSolution& solution) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-  Bundle bundle;
-  bundle.target = &views.target;
-  bundle.bend = solution.bend;
-  for (const SolvedCamera& solved : solution.cameras) {
-    BundleCamera camera;
-    camera.lens = solved.camera.model.parameters().lens;
-    camera.values = lens_vector(solved.camera.model);
-    camera.values[kTimeOffset] = solved.time_offset_s;
-    camera.world_from_camera = solved.camera.world_from_camera;
-    bundle.cameras.push_back(camera);
-  }
-  for (const auto& pose : solution.world_from_target) {
-    bundle.world_from_target.push_back(pose.value_or(Rigid3()));
-  }
+  const Bundle bundle = rig_bundle(views, solution);
   std::vector<std::vector<Eigen::Vector2d>> errors;
   for (const TargetView& view : views.views) {
     const BundleView as_bundle{&view, view.camera, view.set, {}};
