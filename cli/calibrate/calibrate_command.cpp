@@ -10,6 +10,7 @@ void add_calibrate(CLI::App& app, Command& chosen) {
       "calibrate", "lenses and places of a rig's cameras, with a report of how good they are");
   command->require_subcommand(1);
   add_calibrate_solve(*command, chosen);
+  add_calibrate_target(*command, chosen);
 }
 
 }  // namespace sightline::cli

@@ -45,4 +45,9 @@ struct CalibrationTarget {
   bool same_after_half_turn() const;
 };
 
+/// A dark rectangle of a print, in the target's frame [m].
+struct PrintedRect {
+  double left = 0, top = 0, width = 0, height = 0;
+};
+
 }  // namespace sightline
