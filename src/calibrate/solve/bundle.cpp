@@ -115,6 +115,28 @@ class ViewCost : public ceres::CostFunction {
   const double huber_;
 };
 
+/// See coefficient_cost().
+class CoefficientCost : public ceres::SizedCostFunction<8, kLensSize> {
+ public:
+  explicit CoefficientCost(LensModel lens) : lens_(lens) {}
+  bool Evaluate(const double* const* blocks, double* residuals, double** jacobians) const override {
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      std::fill_n(jacobians[0], 8 * kLensSize, 0.0);
+    }
+    for (int i = 0; i < 8; ++i) {
+      const double cost = coefficient_cost(lens_, 4 + i);
+      residuals[i] = cost * blocks[0][4 + i];
+      if (jacobians != nullptr && jacobians[0] != nullptr) {
+        jacobians[0][i * kLensSize + 4 + i] = cost;
+      }
+    }
+    return true;
+  }
+
+ private:
+  const LensModel lens_;
+};
+
 void add_camera(ceres::Problem& problem, const BundleCamera& camera, double* lens, double* place) {
   std::vector<int> fixed;
   for (int i = 0; i < kLensSize; ++i) {
@@ -128,11 +150,19 @@ void add_camera(ceres::Problem& problem, const BundleCamera& camera, double* len
   } else {
     problem.AddParameterBlock(lens, kLensSize, new ceres::SubsetManifold(kLensSize, fixed));
   }
+  if (camera.lens == LensModel::kRational && fixed.size() < kLensSize) {
+    problem.AddResidualBlock(new CoefficientCost(camera.lens), nullptr, lens);
+  }
   problem.AddParameterBlock(place, 7, new PoseManifold);
   if (!camera.place_free) problem.SetParameterBlockConstant(place);
 }
 
 }  // namespace
+
+double coefficient_cost(LensModel lens, int parameter) {
+  const bool radial = parameter >= 4 && parameter != 6 && parameter != 7 && parameter < 12;
+  return lens == LensModel::kRational && radial ? 0.05 : 0;
+}
 
 size_t Bundle::corner_count() const {
   size_t count = 0;

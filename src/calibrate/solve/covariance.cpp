@@ -127,6 +127,14 @@ RigCovariance rig_covariance(const Bundle& bundle) {
     add_set(blocks, information);
     blocks.clear();
   }
+  for (size_t c = 0; c < bundle.cameras.size(); ++c) {
+    const CovarianceLayout::Camera& camera = out.layout.cameras[c];
+    for (size_t i = 0; i < camera.parameters.size(); ++i) {
+      const double weight = coefficient_cost(bundle.cameras[c].lens, camera.parameters[i]);
+      const auto at = camera.lens + static_cast<Eigen::Index>(i);
+      information(at, at) += weight * weight;
+    }
+  }
   const double freedom = static_cast<double>(std::max<Eigen::Index>(1, rows - unknowns));
   out.sigma_px = std::sqrt(cost / freedom);
   if (out.layout.size == 0) return out;
