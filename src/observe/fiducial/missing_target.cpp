@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <cstdlib>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 #include <set>
@@ -61,15 +62,25 @@ FramePtr mirrored(const Frame& frame) {
   return Frame::decoded(info, std::move(image));
 }
 
+/// Tries sizes near the wanted one, larger ones first: a miscount, or corners taken for squares.
 std::string chessboard_size(const CalibrationTarget& target, const Frame& frame) try {
+  constexpr int kReach = 2;
   const PlaneView gray = frame.gray();
   const cv::Mat image(gray.height, gray.width, CV_8UC1, const_cast<uint8_t*>(gray.data),
                       static_cast<size_t>(gray.stride));
-  cv::Mat corners, meta;
-  if (!cv::findChessboardCornersSB(image, {3, 3}, corners, cv::CALIB_CB_LARGER, meta)) return "";
-  const int columns = meta.cols + 1, rows = meta.rows + 1;
-  if (columns == target.columns && rows == target.rows) return "";
-  return fmt::format("the image shows a chessboard of {}x{} squares", columns, rows);
+  for (int more = 2 * kReach; more >= -2 * kReach; --more) {
+    for (int wider = -kReach; wider <= kReach; ++wider) {
+      const int columns = target.columns + wider, rows = target.rows + more - wider;
+      const bool same = columns == target.columns && rows == target.rows;
+      if (std::abs(more - wider) > kReach || columns < 4 || rows < 4 || same) continue;
+      std::vector<cv::Point2f> corners;
+      if (cv::findChessboardCorners(image, {columns - 1, rows - 1}, corners,
+                                    cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_FAST_CHECK)) {
+        return fmt::format("the image shows a chessboard of {}x{} squares", columns, rows);
+      }
+    }
+  }
+  return "";
 } catch (const cv::Exception&) {
   return "";
 }
@@ -88,7 +99,8 @@ std::string other_markers(const CalibrationTarget& target, const Frame& frame) {
                        inverted == target.inverted;
       if (own) continue;
       better(aruco_ids(dictionary, inverted, frame),
-             dictionary + (inverted ? ", white on black (inverted = true)" : ""));
+             fmt::format("{} (or a larger one of its kind){}", dictionary,
+                         inverted ? ", white on black (inverted = true)" : ""));
     }
   }
   for (const std::string& family : apriltag_families()) {
