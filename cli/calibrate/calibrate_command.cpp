@@ -11,6 +11,8 @@ void add_calibrate(CLI::App& app, Command& chosen) {
   command->require_subcommand(1);
   add_calibrate_solve(*command, chosen);
   add_calibrate_target(*command, chosen);
+  add_calibrate_check(*command, chosen);
+  add_calibrate_world(*command, chosen);
 }
 
 }  // namespace sightline::cli
