@@ -13,6 +13,8 @@ void add_calibrate(CLI::App& app, Command& chosen) {
   add_calibrate_target(*command, chosen);
   add_calibrate_check(*command, chosen);
   add_calibrate_world(*command, chosen);
+  add_calibrate_import(*command, chosen);
+  add_calibrate_export(*command, chosen);
 }
 
 }  // namespace sightline::cli
