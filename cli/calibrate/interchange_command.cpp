@@ -41,7 +41,8 @@ Status run_export(const InterchangeOptions& o) {
   SL_ASSIGN(const auto files, export_cameras(cameras, format));
   std::error_code error;
   std::filesystem::create_directories(o.out, error);
-  if (error) return make_error(ErrorCode::kIo, o.out.string(), "cannot make it: {}", error.message());
+  if (error)
+    return make_error(ErrorCode::kIo, o.out.string(), "cannot make it: {}", error.message());
   for (const NamedText& file : files) {
     SL_RETURN_IF_ERROR(write_file_atomically(o.out / file.name, file.text));
     fmt::print("written: {}\n", (o.out / file.name).string());

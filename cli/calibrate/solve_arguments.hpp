@@ -17,9 +17,9 @@ namespace sightline::cli {
 
 /// Where views come from, as `calibrate solve` and `calibrate check` are told.
 struct ViewArguments {
-  std::filesystem::path recording;   ///< a recording, or corners.csv
-  std::vector<std::string> images;   ///< NAME=FOLDER or NAME=PATTERN, instead
-  std::filesystem::path target;      ///< target.toml; empty: the recording's object with a board
+  std::filesystem::path recording;  ///< a recording, or corners.csv
+  std::vector<std::string> images;  ///< NAME=FOLDER or NAME=PATTERN, instead
+  std::filesystem::path target;     ///< target.toml; empty: the recording's object with a board
   std::vector<std::string> cameras;
   int window = 0;
   size_t every = 1;

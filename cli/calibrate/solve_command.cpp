@@ -65,7 +65,8 @@ Status write(const std::filesystem::path& folder, const CalibrationViews& views,
              const RigSolution& solution, const RigReport& report, const std::string& epoch) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
-  if (error) return make_error(ErrorCode::kIo, folder.string(), "cannot make it: {}", error.message());
+  if (error)
+    return make_error(ErrorCode::kIo, folder.string(), "cannot make it: {}", error.message());
   SL_RETURN_IF_ERROR(write_file_atomically(folder / "corners.csv", format_views(views)));
   SL_RETURN_IF_ERROR(
       write_file_atomically(folder / "report.json", report_json(views, solution, report, epoch)));
@@ -113,9 +114,10 @@ void add_calibrate_solve(CLI::App& parent, Command& chosen) {
                       "folder for calibration.toml, report.html, report.json and corners.csv "
                       "(default: calibration)");
   command
-      ->add_option("--model", options->models,
-                   "brown_conrady (default), rational or fisheye; NAME=MODEL for one camera; may be "
-                   "repeated")
+      ->add_option(
+          "--model", options->models,
+          "brown_conrady (default), rational or fisheye; NAME=MODEL for one camera; may be "
+          "repeated")
       ->allow_extra_args(false);
   command->add_option("--intrinsics", options->intrinsics,
                       "calibration.toml whose lenses are held; only the places are solved for");

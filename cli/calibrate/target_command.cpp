@@ -27,9 +27,9 @@ Result<CalibrationTarget> describe(const TargetCommandOptions& o, const Paper& p
   CalibrationTarget t;
   t.name = o.out.stem().string();
   const bool tags = o.type == "tag_grid";
-  t.kind = tags                    ? TargetKind::kTagGrid
+  t.kind = tags                  ? TargetKind::kTagGrid
            : o.type == "charuco" ? TargetKind::kCharuco
-                                   : TargetKind::kChessboard;
+                                 : TargetKind::kChessboard;
   const bool wide = paper.width > paper.height;
   t.columns = o.columns > 0 ? o.columns : tags ? (wide ? 6 : 4) : (wide ? 10 : 7);
   t.rows = o.rows > 0 ? o.rows : tags ? (wide ? 4 : 6) : (wide ? 7 : 10);
@@ -67,9 +67,10 @@ Status run(const TargetCommandOptions& o) {
   SL_RETURN_IF_ERROR(write_file_atomically(file, format_target(target)));
   fmt::print("{}: {}\nwritten: {}, {}\n", target.name, target.describe(), o.out.string(),
              file.string());
-  fmt::print("Print at 100 %, check the ruler, glue it to something flat, measure a few squares, and "
-             "correct {} if they differ.\n",
-             file.string());
+  fmt::print(
+      "Print at 100 %, check the ruler, glue it to something flat, measure a few squares, and "
+      "correct {} if they differ.\n",
+      file.string());
   return {};
 }
 

@@ -101,10 +101,9 @@ Result<WorldPlacement> world_of_target(const CalibrationViews& views,
   const TargetView* best = nullptr;
   const CalibratedCamera* camera = nullptr;
   for (const TargetView& view : views.views) {
-    const auto found =
-        std::find_if(cameras.begin(), cameras.end(), [&](const CalibratedCamera& c) {
-          return c.name == views.cameras[view.camera].name;
-        });
+    const auto found = std::find_if(cameras.begin(), cameras.end(), [&](const CalibratedCamera& c) {
+      return c.name == views.cameras[view.camera].name;
+    });
     if (found == cameras.end() || view.corners.size() < 6) continue;
     const bool better = best == nullptr || view.set < best->set ||
                         (view.set == best->set && view.corners.size() > best->corners.size());

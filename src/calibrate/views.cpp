@@ -62,10 +62,11 @@ Status check_view(const CalibrationViews& all, const TargetView& view) {
     }
     if (c.pixel.x() < -0.5 || c.pixel.y() < -0.5 || c.pixel.x() > camera.width - 0.5 ||
         c.pixel.y() > camera.height - 0.5) {
-      return refuse(place(all, view),
-                    "corner {} at ({:.1f}, {:.1f}) lies outside the image of {}x{}: is it the image "
-                    "size of this camera?",
-                    c.id, c.pixel.x(), c.pixel.y(), camera.width, camera.height);
+      return refuse(
+          place(all, view),
+          "corner {} at ({:.1f}, {:.1f}) lies outside the image of {}x{}: is it the image "
+          "size of this camera?",
+          c.id, c.pixel.x(), c.pixel.y(), camera.width, camera.height);
     }
   }
   return {};

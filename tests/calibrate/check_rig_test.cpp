@@ -41,8 +41,7 @@ TEST(CheckRig, FindsTheCameraThatWasBumped) {
     SyntheticRig rig = make_rig({.cameras = 4, .sets = 48, .seed = 3});
     std::vector<CalibratedCamera> calibration = rig.truth;
     // The calibration is of before: today the camera stands at calibrated * bump.
-    calibration[bumped].world_from_camera =
-        rig.truth[bumped].world_from_camera * bump().inverse();
+    calibration[bumped].world_from_camera = rig.truth[bumped].world_from_camera * bump().inverse();
     const auto check = check_rig(rig.views, calibration);
     ASSERT_THAT(check, IsOk());
     EXPECT_FALSE(check->in_order);
@@ -69,7 +68,6 @@ TEST(CheckRig, RefusesExchangedAndUnknownCameras) {
               FailsWith("camera cam2: is not in the calibration in force"));
 }
 
-
 TEST(PlaceWorld, TargetOnTheFloor) {
   // Half of the poses of the target in the camera's frame are "above": x right, y up, z out.
   const SyntheticRig rig = make_rig({.cameras = 2, .sets = 20});
@@ -85,8 +83,7 @@ TEST(PlaceWorld, TargetOnTheFloor) {
     EXPECT_THAT(placed->cameras[c].world_from_camera,
                 PoseNear(old_from_new.inverse() * rig.truth[c].world_from_camera, 0.02, 0.02));
   }
-  EXPECT_THAT(placed->cameras[0].world_from_camera.inverse() *
-                  placed->cameras[1].world_from_camera,
+  EXPECT_THAT(placed->cameras[0].world_from_camera.inverse() * placed->cameras[1].world_from_camera,
               PoseNear(rig.truth[0].world_from_camera.inverse() * rig.truth[1].world_from_camera,
                        1e-9, 1e-9));
 }
@@ -94,8 +91,8 @@ TEST(PlaceWorld, TargetOnTheFloor) {
 std::vector<SurveyedSight> sights_of(const SyntheticRig& rig, const Rigid3& world_from_rig,
                                      double scale) {
   std::vector<SurveyedSight> sights;
-  for (const Eigen::Vector3d& p : {Eigen::Vector3d(0, 0, 1.2), {0.2, 0.1, 1.3}, {-0.2, 0.1, 1.1},
-                                   {0.1, -0.2, 1.4}}) {
+  for (const Eigen::Vector3d& p :
+       {Eigen::Vector3d(0, 0, 1.2), {0.2, 0.1, 1.3}, {-0.2, 0.1, 1.1}, {0.1, -0.2, 1.4}}) {
     const Eigen::Vector3d in_rig = rig.truth[0].world_from_camera * p;
     for (const CalibratedCamera& camera : rig.truth) {
       const auto pixel = camera.model.project(camera.world_from_camera.inverse() * in_rig);

@@ -41,8 +41,7 @@ void expect_round_trip(InterchangeFormat format, const std::vector<CalibratedCam
   ASSERT_EQ(back->size(), cameras.size());
   for (size_t c = 0; c < cameras.size(); ++c) {
     EXPECT_EQ((*back)[c].name, cameras[c].name);
-    EXPECT_THAT((*back)[c].world_from_camera,
-                PoseNear(cameras[c].world_from_camera, 1e-7, 1e-9));
+    EXPECT_THAT((*back)[c].world_from_camera, PoseNear(cameras[c].world_from_camera, 1e-7, 1e-9));
     // A lens may come back as a richer family; its images are the same.
     for (const Eigen::Vector3d& p :
          {Eigen::Vector3d(0.3, -0.2, 1), Eigen::Vector3d(-0.5, 0.3, 1.2)}) {
@@ -113,8 +112,9 @@ cam1:
 }
 
 TEST(Interchange, ColmapsPixelsStartAtTheEdge) {
-  const std::vector<NamedText> files = {{"cameras.txt", "# comment\n3 PINHOLE 640 480 500 501 320 240\n"},
-                       {"images.txt", "1 1 0 0 0 0.5 0 2 3 north.png\n\n"}};
+  const std::vector<NamedText> files = {
+      {"cameras.txt", "# comment\n3 PINHOLE 640 480 500 501 320 240\n"},
+      {"images.txt", "1 1 0 0 0 0.5 0 2 3 north.png\n\n"}};
   const auto cameras = import_cameras(files, InterchangeFormat::kColmap);
   ASSERT_THAT(cameras, IsOk());
   EXPECT_EQ(cameras->front().name, "north");
@@ -130,7 +130,8 @@ TEST(Interchange, MrcalsFilesHoldMoreThanWeNeed) {
       "    'intrinsics': [ 1761.1, 1761.2, 1965.7, 1087.5, -0.01, 0.03, -0.0002, 0.0001, 0.01, "
       "0.0, 0.0, 0.01,],\n    'valid_intrinsics_region': [\n    [ 0, 0 ],\n    [ 0, 2 ],],\n"
       "    'extrinsics': [ 0.0, 0.0, 0.0, 2.0, 0.0, 0.0,],\n    'imagersize': [ 3904, 2195,],\n"
-      "    'icam_intrinsics': 0,\n\n    'optimization_inputs': b'P)h>@6aWAK2mm&gW_JJq00{}{[#',\n}\n";
+      "    'icam_intrinsics': 0,\n\n    'optimization_inputs': "
+      "b'P)h>@6aWAK2mm&gW_JJq00{}{[#',\n}\n";
   const auto cameras = import_cameras({{"0.cameramodel", text}}, InterchangeFormat::kMrcal);
   ASSERT_THAT(cameras, IsOk());
   EXPECT_EQ(cameras->front().name, "0");
@@ -154,10 +155,10 @@ TEST(Interchange, RefusesByName) {
   EXPECT_THAT(import_cameras({{"cameras.txt", "1 THIN_PRISM_FISHEYE 1 1 1\n"}, {"images.txt", ""}},
                              kColmap),
               FailsWith("cameras.txt:1: lens model 'THIN_PRISM_FISHEYE' is not ours"));
-  EXPECT_THAT(import_cameras({{"cameras.txt", "1 PINHOLE 640 480 500 nan 320 240\n"},
-                              {"images.txt", ""}},
-                             kColmap),
-              FailsWith("'nan' is not a finite number"));
+  EXPECT_THAT(
+      import_cameras({{"cameras.txt", "1 PINHOLE 640 480 500 nan 320 240\n"}, {"images.txt", ""}},
+                     kColmap),
+      FailsWith("'nan' is not a finite number"));
   EXPECT_THAT(import_cameras({{"x.cameramodel", "{'lensmodel': 'LENSMODEL_CAHVORE'}"}}, kMrcal),
               FailsWith("LENSMODEL_CAHVORE is not ours"));
   EXPECT_THAT(import_cameras({{"left.yaml", "image_width: 640\n"}}, kRos),

@@ -147,7 +147,8 @@ TEST(Recordings, WrongTargetIsRefusedByName) {
               FailsWith("the print has the other layout for its even number of rows"));
   target->layout = CharucoLayout::kAny;
   target->dictionary = "6X6_250";
-  EXPECT_THAT(views_of_recording(*recording, *target, options), FailsWith("of 5X5_50 (or a larger one of its kind)"));
+  EXPECT_THAT(views_of_recording(*recording, *target, options),
+              FailsWith("of 5X5_50 (or a larger one of its kind)"));
   target->dictionary = "5X5_100";
   target->columns = 11;
   EXPECT_THAT(views_of_recording(*recording, *target, options),

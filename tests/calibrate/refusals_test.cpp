@@ -77,8 +77,12 @@ TEST(Refusals, NoTilt) {
 }
 
 TEST(Refusals, NoChangeOfDistance) {
-  const SyntheticRig rig = make_rig(
-      {.cameras = 1, .sets = 20, .square = 0.012, .tilt_deg = 30, .nearest = 1.2, .farthest = 1.21});
+  const SyntheticRig rig = make_rig({.cameras = 1,
+                                     .sets = 20,
+                                     .square = 0.012,
+                                     .tilt_deg = 30,
+                                     .nearest = 1.2,
+                                     .farthest = 1.21});
   EXPECT_THAT(solve_rig(rig.views, {}), FailsWith("camera cam0: no change of distance"));
 }
 
@@ -105,8 +109,9 @@ TEST(Refusals, ImageSizeIsNotTheCameras) {
   const SolveOptions options = known_lenses(rig);
   rig.views.cameras[1].width = 1920;
   rig.views.cameras[1].height = 1080;
-  EXPECT_THAT(solve_rig(rig.views, options),
-              FailsWith("camera cam1: its images are 1920x1080, but its known lens is for 1280x720"));
+  EXPECT_THAT(
+      solve_rig(rig.views, options),
+      FailsWith("camera cam1: its images are 1920x1080, but its known lens is for 1280x720"));
 }
 
 TEST(Refusals, CornersOutsideTheImage) {

@@ -31,8 +31,7 @@ std::vector<double> normalized_errors(const SyntheticRig& rig, const RigSolution
       z.push_back(error / solved.estimates[i].sigma);
     }
     if (!solved.has_place) continue;
-    const Vector6 d =
-        difference(solved.camera.world_from_camera, rig.truth[c].world_from_camera);
+    const Vector6 d = difference(solved.camera.world_from_camera, rig.truth[c].world_from_camera);
     const Vector6 sigma = solved.place_covariance().diagonal().cwiseSqrt();
     for (int i = 0; i < 6; ++i) z.push_back(d[i] / sigma[i]);
   }
@@ -61,8 +60,8 @@ TEST(LensProjection, IsTheCameraModelsWithExactDerivatives) {
     const SyntheticRig rig = make_rig({.cameras = 1, .sets = 1, .lens = lens});
     const CameraModel& model = rig.truth[0].model;
     const calibrate::LensVector values = calibrate::lens_vector(model);
-    for (const Eigen::Vector3d& p : {Eigen::Vector3d(0.2, -0.1, 1.1), {-0.4, 0.25, 0.9},
-                                     {1e-12, 0, 2}, {0.3, 0.3, 0.7}}) {
+    for (const Eigen::Vector3d& p :
+         {Eigen::Vector3d(0.2, -0.1, 1.1), {-0.4, 0.25, 0.9}, {1e-12, 0, 2}, {0.3, 0.3, 0.7}}) {
       Eigen::Vector2d pixel;
       Eigen::Matrix<double, 2, 3> by_point;
       Eigen::Matrix<double, 2, 12> by_lens;
@@ -77,7 +76,8 @@ TEST(LensProjection, IsTheCameraModelsWithExactDerivatives) {
       };
       for (int i = 0; i < 3; ++i) {
         const Eigen::Vector3d d = 1e-6 * Eigen::Vector3d::Unit(i);
-        EXPECT_THAT(by_point.col(i), test::MatrixNear((at(values, p + d) - at(values, p - d)) / 2e-6, 1e-3));
+        EXPECT_THAT(by_point.col(i),
+                    test::MatrixNear((at(values, p + d) - at(values, p - d)) / 2e-6, 1e-3));
       }
       for (size_t i = 0; i < static_cast<size_t>(4 + calibrate::coefficient_count(lens)); ++i) {
         calibrate::LensVector above = values, below = values;
@@ -173,8 +173,7 @@ TEST(SolveRig, FindsTheBendOfTheTarget) {
 }
 
 TEST(SolveRig, FindsLateStamps) {
-  const SyntheticRig rig =
-      make_rig({.cameras = 2, .sets = 40, .offset_s = 0.03, .speed = 0.4});
+  const SyntheticRig rig = make_rig({.cameras = 2, .sets = 40, .offset_s = 0.03, .speed = 0.4});
   SolveOptions options;
   options.reject_sigmas = 0;
   const auto plain = solve_rig(rig.views, options);

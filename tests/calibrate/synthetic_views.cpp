@@ -107,7 +107,8 @@ SyntheticRig make_rig(const SyntheticRigOptions& options) {
               camera_from_world *
               (world_from_target * Eigen::Vector3d(p.x(), p.y(), z) + velocity * time));
         };
-        const auto pixel = project(late), before = project(late - 0.01), after = project(late + 0.01);
+        const auto pixel = project(late), before = project(late - 0.01),
+                   after = project(late + 0.01);
         if (!pixel || !before || !after || !camera.model.contains(*pixel)) continue;
         const Eigen::Vector2d noisy = *pixel + options.noise_px * random.normal<2>();
         if (!camera.model.contains(noisy)) continue;
@@ -117,7 +118,8 @@ SyntheticRig make_rig(const SyntheticRigOptions& options) {
     }
   }
   const Rigid3 first_from_world = rig.truth[0].world_from_camera.inverse();
-  for (CalibratedCamera& c : rig.truth) c.world_from_camera = first_from_world * c.world_from_camera;
+  for (CalibratedCamera& c : rig.truth)
+    c.world_from_camera = first_from_world * c.world_from_camera;
   return rig;
 }
 

@@ -17,11 +17,11 @@ struct SyntheticRigOptions {
   double focal = 900;  ///< [px] at 1280x720
   double noise_px = 0.2;
   Eigen::Vector2d bend = Eigen::Vector2d::Zero();
-  double square = 0.04;                     ///< [m]
-  double tilt_deg = 40;                     ///< of the target, at most
-  double nearest = 0.7, farthest = 1.5;     ///< [m]
-  double offset_s = 0;                      ///< of every camera but the first
-  double speed = 0;                         ///< of the target [m/s]
+  double square = 0.04;                  ///< [m]
+  double tilt_deg = 40;                  ///< of the target, at most
+  double nearest = 0.7, farthest = 1.5;  ///< [m]
+  double offset_s = 0;                   ///< of every camera but the first
+  double speed = 0;                      ///< of the target [m/s]
   uint64_t seed = 1;
 };
 

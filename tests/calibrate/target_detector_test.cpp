@@ -142,7 +142,8 @@ TEST(TargetDetector, ExplainsWhatItSeesInstead) {
   const FramePtr frame = photograph(charuco());
   CalibrationTarget other = charuco();
   other.dictionary = "4X4_50";
-  EXPECT_NE(explain_missing_target(other, *frame).find("of 5X5_50 (or a larger one of its kind)"), std::string::npos);
+  EXPECT_NE(explain_missing_target(other, *frame).find("of 5X5_50 (or a larger one of its kind)"),
+            std::string::npos);
   EXPECT_NE(explain_missing_target(charuco(), *photograph(charuco(), true)).find("mirrored"),
             std::string::npos);
   EXPECT_NE(explain_missing_target(tag_grid(), *photograph(tag_grid(), true)).find("mirrored"),

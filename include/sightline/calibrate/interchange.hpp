@@ -18,8 +18,10 @@ namespace sightline {
 ///     ros     NAME.yaml        camera_info: plumb_bob, rational_polynomial, equidistant; no place.
 ///             static_transforms.yaml  the places: frame_id world, child NAME, which is the optical
 ///                              frame (x right, y down, z forward), translation and rotation xyzw
-///     colmap  cameras.txt      PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV,
-///             images.txt       OPENCV_FISHEYE; camera_from_world, quaternion w x y z; the center of
+///     colmap  cameras.txt      PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV,
+///     FULL_OPENCV,
+///             images.txt       OPENCV_FISHEYE; camera_from_world, quaternion w x y z; the center
+///             of
 ///                              the top-left pixel is (0.5, 0.5) there and (0, 0) here
 ///     mrcal   NAME.cameramodel LENSMODEL_PINHOLE, _OPENCV4, _OPENCV5, _OPENCV8; extrinsics is rt
 ///                              of camera_from_reference; the reference is the world

@@ -41,7 +41,7 @@ struct ParameterEstimate {
 struct SolvedCamera {
   CalibratedCamera camera;  ///< world: the frame of the reference camera; rms_px of its corners
   bool lens_known = false;
-  double time_offset_s = 0;  ///< its images are taken so much later than stamped
+  double time_offset_s = 0;                    ///< its images are taken so much later than stamped
   std::vector<ParameterEstimate> estimates{};  ///< of the lens, those that were solved for
   /// Covariance of these estimates in their order, then (unless it is the reference camera) of
   /// world_from_camera's tangent (rotation [rad], translation [m], perturbed on the right).

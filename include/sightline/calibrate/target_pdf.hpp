@@ -10,8 +10,8 @@
 namespace sightline {
 
 struct Paper {
-  std::string name;                ///< "A4"
-  double width = 0, height = 0;    ///< [m], landscape or portrait as given
+  std::string name;              ///< "A4"
+  double width = 0, height = 0;  ///< [m], landscape or portrait as given
 };
 
 /// "A4", "A3", "letter" (any case); landscape if `landscape`.

@@ -13,9 +13,9 @@ namespace sightline {
 
 /// A corner of the target, found in an image.
 struct TargetCorner {
-  int id = 0;                                            ///< CalibrationTarget::corner()
-  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();       ///< [px]
-  Eigen::Vector2d px_per_s = Eigen::Vector2d::Zero();    ///< how it moves; 0: unknown or still
+  int id = 0;                                          ///< CalibrationTarget::corner()
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();     ///< [px]
+  Eigen::Vector2d px_per_s = Eigen::Vector2d::Zero();  ///< how it moves; 0: unknown or still
 };
 
 /// What one camera sees of the target in one set of images taken together.

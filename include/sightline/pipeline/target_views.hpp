@@ -12,8 +12,8 @@
 namespace sightline {
 
 struct TargetViewsOptions {
-  int window = 0;     ///< see TargetDetectorOptions
-  size_t every = 1;   ///< look at every so many images of a camera
+  int window = 0;    ///< see TargetDetectorOptions
+  size_t every = 1;  ///< look at every so many images of a camera
   /// Images of different cameras belong to one set if they were taken within this time; 0: half of
   /// the shortest frame period. Corners are carried to the set's time by their own motion.
   double set_span_s = 0;
@@ -34,8 +34,8 @@ Result<CalibrationViews> views_of_recording(const std::filesystem::path& recordi
                                             const CalibrationTarget& target,
                                             const TargetViewsOptions& options);
 
-/// The same in stills. Images belong to one set if the last numbers in their file names agree; where
-/// names have none, by their order. Refused besides: images of several sizes in one camera.
+/// The same in stills. Images belong to one set if the last numbers in their file names agree;
+/// where names have none, by their order. Refused besides: images of several sizes in one camera.
 Result<CalibrationViews> views_of_stills(const std::vector<CameraStills>& stills,
                                          const CalibrationTarget& target,
                                          const TargetViewsOptions& options);

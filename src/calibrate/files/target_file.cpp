@@ -16,8 +16,8 @@ namespace {
 
 using namespace calibrate;
 
-constexpr std::array kKeys = {"name",   "type",       "columns",  "rows",     "square", "marker",
-                              "gap",    "dictionary", "first_id", "inverted", "layout"};
+constexpr std::array kKeys = {"name", "type",       "columns",  "rows",     "square", "marker",
+                              "gap",  "dictionary", "first_id", "inverted", "layout"};
 constexpr int kMaxSide = 100;
 constexpr double kMaxLength = 100;  // [m]
 

@@ -101,8 +101,8 @@ class ViewsReader {
     const auto delay = fields.number<double>();
     TargetCorner corner;
     corner.id = fields.number<int>();
-    for (double* value : {&corner.pixel.x(), &corner.pixel.y(), &corner.px_per_s.x(),
-                          &corner.px_per_s.y()}) {
+    for (double* value :
+         {&corner.pixel.x(), &corner.pixel.y(), &corner.px_per_s.x(), &corner.px_per_s.y()}) {
       *value = fields.number<double>();
     }
     if (!fields.good()) return fault("is not '{}'", kHeader);
@@ -141,9 +141,9 @@ std::string format_views(const CalibrationViews& views) {
   text += fmt::format("{}\n", kHeader);
   for (const TargetView& view : views.views) {
     for (const TargetCorner& c : view.corners) {
-      text += fmt::format("{},{},{},{},{},{},{},{}\n", view.set, views.cameras[view.camera].name,
-                          view.delay_s, c.id, c.pixel.x(), c.pixel.y(), c.px_per_s.x(),
-                          c.px_per_s.y());
+      text +=
+          fmt::format("{},{},{},{},{},{},{},{}\n", view.set, views.cameras[view.camera].name,
+                      view.delay_s, c.id, c.pixel.x(), c.pixel.y(), c.px_per_s.x(), c.px_per_s.y());
     }
   }
   return text;

@@ -165,9 +165,12 @@ Result<Files> export_colmap(const Cameras& cameras) {
     const bool fisheye = p.lens == LensModel::kFisheye;
     const bool full = !fisheye && std::any_of(p.distortion.begin() + 4, p.distortion.end(),
                                               [](double d) { return d != 0; });
-    lenses += fmt::format("{} {} {} {} {} {} {} {}", c + 1,
-                          fisheye ? "OPENCV_FISHEYE" : full ? "FULL_OPENCV" : "OPENCV", p.width,
-                          p.height, p.fx, p.fy, p.cx + kColmapCenter, p.cy + kColmapCenter);
+    lenses +=
+        fmt::format("{} {} {} {} {} {} {} {}", c + 1,
+                    fisheye ? "OPENCV_FISHEYE"
+                    : full  ? "FULL_OPENCV"
+                            : "OPENCV",
+                    p.width, p.height, p.fx, p.fy, p.cx + kColmapCenter, p.cy + kColmapCenter);
     for (size_t i = 0; i < (full ? 8u : 4u); ++i) lenses += fmt::format(" {}", p.distortion[i]);
     lenses += "\n";
     const Rigid3 pose = cameras[c].world_from_camera.inverse();
@@ -183,7 +186,8 @@ Result<Cameras> import_colmap(const Files& files) {
   const NamedText* lenses = find_file(files, "cameras.txt");
   const NamedText* images = find_file(files, "images.txt");
   if (lenses == nullptr || images == nullptr) {
-    return make_error(ErrorCode::kInvalidInput, "", "COLMAP has two files: cameras.txt, images.txt");
+    return make_error(ErrorCode::kInvalidInput, "",
+                      "COLMAP has two files: cameras.txt, images.txt");
   }
   std::map<std::string, CameraModel, std::less<>> models;
   for (const Line& line : lines_of(lenses->text, false)) {
@@ -234,11 +238,12 @@ Result<Files> export_mrcal(const Cameras& cameras) {
     const Eigen::Vector3d& t = pose.translation;
     files.push_back(
         {camera.name + ".cameramodel",
-         fmt::format("{{\n    'lensmodel':  'LENSMODEL_OPENCV{}',\n\n    # camera from reference\n"
-                     "    'extrinsics': {},\n\n    'intrinsics': {},\n\n    'imagersize': [{}, {}],\n"
-                     "}}\n",
-                     count, numbers({r.x(), r.y(), r.z(), t.x(), t.y(), t.z()}),
-                     numbers(intrinsics), p.width, p.height)});
+         fmt::format(
+             "{{\n    'lensmodel':  'LENSMODEL_OPENCV{}',\n\n    # camera from reference\n"
+             "    'extrinsics': {},\n\n    'intrinsics': {},\n\n    'imagersize': [{}, {}],\n"
+             "}}\n",
+             count, numbers({r.x(), r.y(), r.z(), t.x(), t.y(), t.z()}), numbers(intrinsics),
+             p.width, p.height)});
   }
   return files;
 }

@@ -45,9 +45,9 @@ Result<Files> export_opencv(const Cameras& cameras) try {
         << "camera_matrix"
         << cv::Mat((cv::Mat_<double>(3, 3) << p.fx, 0, p.cx, 0, p.fy, p.cy, 0, 0, 1))
         << "distortion_model"
-        << (fisheye                            ? "fisheye"
+        << (fisheye                          ? "fisheye"
             : p.lens == LensModel::kRational ? "rational_polynomial"
-                                               : "plumb_bob")
+                                             : "plumb_bob")
         << "distortion_coefficients" << cv::Mat(d, true).reshape(1, 1) << "rvec"
         << cv::Mat((cv::Mat_<double>(3, 1) << r.x(), r.y(), r.z())) << "tvec"
         << cv::Mat((cv::Mat_<double>(3, 1) << t.x(), t.y(), t.z())) << "rms_px" << camera.rms_px;

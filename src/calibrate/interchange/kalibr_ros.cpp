@@ -28,8 +28,7 @@ Result<CalibratedCamera> make_camera(CameraModel::Parameters p, const std::vecto
 std::string rows_of(const Eigen::Matrix4d& m, const char* indent) {
   std::string text;
   for (int row = 0; row < 4; ++row) {
-    text += fmt::format("{}- {}\n", indent,
-                        numbers({m(row, 0), m(row, 1), m(row, 2), m(row, 3)}));
+    text += fmt::format("{}- {}\n", indent, numbers({m(row, 0), m(row, 1), m(row, 2), m(row, 3)}));
   }
   return text;
 }
@@ -139,8 +138,7 @@ Result<Files> export_kalibr(const Cameras& cameras) {
         c, fisheye ? "equidistant" : "radtan", numbers(d), numbers({p.fx, p.fy, p.cx, p.cy}),
         p.width, p.height, cameras[c].name);
     if (c == 0) continue;
-    const Rigid3 chain =
-        cameras[c].world_from_camera.inverse() * cameras[c - 1].world_from_camera;
+    const Rigid3 chain = cameras[c].world_from_camera.inverse() * cameras[c - 1].world_from_camera;
     text += "  T_cn_cnm1:\n" + rows_of(chain.matrix(), "  ");
   }
   return Files{{"camchain.yaml", text}};
@@ -189,10 +187,11 @@ Result<Files> export_ros(const Cameras& cameras) {
              "  cols: {}\n  data: {}\nrectification_matrix:\n  rows: 3\n  cols: 3\n"
              "  data: [1, 0, 0, 0, 1, 0, 0, 0, 1]\nprojection_matrix:\n  rows: 3\n  cols: 4\n"
              "  data: {}\n",
-             p.width, p.height, camera.name,
-             numbers({p.fx, 0, p.cx, 0, p.fy, p.cy, 0, 0, 1}),
-             fisheye ? "equidistant" : rational ? "rational_polynomial" : "plumb_bob", count,
-             numbers(d), numbers({p.fx, 0, p.cx, 0, 0, p.fy, p.cy, 0, 0, 0, 1, 0}))});
+             p.width, p.height, camera.name, numbers({p.fx, 0, p.cx, 0, p.fy, p.cy, 0, 0, 1}),
+             fisheye    ? "equidistant"
+             : rational ? "rational_polynomial"
+                        : "plumb_bob",
+             count, numbers(d), numbers({p.fx, 0, p.cx, 0, 0, p.fy, p.cy, 0, 0, 0, 1, 0}))});
     const Rigid3& pose = camera.world_from_camera;
     const Eigen::Vector3d& t = pose.translation;
     const Eigen::Quaterniond& q = pose.rotation;

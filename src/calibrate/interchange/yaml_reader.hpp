@@ -17,7 +17,8 @@ Result<YAML::Node> parse_yaml(const std::string& text, const std::string& where)
 /// Reads entries of one table of a YAML file.
 class YamlTable {
  public:
-  YamlTable(YAML::Node node, std::string where) : node_(std::move(node)), where_(std::move(where)) {}
+  YamlTable(YAML::Node node, std::string where)
+      : node_(std::move(node)), where_(std::move(where)) {}
 
   bool has(const char* key) const { return node_.IsMap() && node_[key].IsDefined(); }
   /// Numbers of a list, flat or of rows, or of a matrix table with `data`; `count` 0: any.

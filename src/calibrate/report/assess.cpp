@@ -51,7 +51,8 @@ void describe_views(const CalibrationViews& views, const RigSolution& solution, 
     }
   }
   if (distances.empty()) return;
-  std::nth_element(distances.begin(), distances.begin() + static_cast<ptrdiff_t>(distances.size() / 2),
+  std::nth_element(distances.begin(),
+                   distances.begin() + static_cast<ptrdiff_t>(distances.size() / 2),
                    distances.end());
   out.working_distance = distances[distances.size() / 2];
   out.coverage = static_cast<double>(cells.size()) / (kColumns * kRows);
@@ -90,9 +91,9 @@ void judge(const SolvedCamera& solved, CameraReport& r) {
     r.grade = std::max(r.grade, grade);
     r.remarks.push_back(std::move(remark));
   };
-  const double reached_px = std::max({r.held_out_px.value_or(0),
-                                      r.split_half ? r.split_half->median_px : 0.0,
-                                      r.sigma ? r.sigma->center : 0.0});
+  const double reached_px =
+      std::max({r.held_out_px.value_or(0), r.split_half ? r.split_half->median_px : 0.0,
+                r.sigma ? r.sigma->center : 0.0});
   if (r.held_out_px && *r.held_out_px > 3 * solved.camera.rms_px && *r.held_out_px > 0.5) {
     lower(CalibrationGrade::kUsable,
           fmt::format("predicts views it was not fitted to {:.1f} times worse than those it was: "
@@ -100,10 +101,11 @@ void judge(const SolvedCamera& solved, CameraReport& r) {
                       *r.held_out_px / solved.camera.rms_px));
   }
   if (r.split_half && r.split_half->center_mm > 1e3 * 0.01 * r.working_distance) {
-    lower(CalibrationGrade::kNotGood,
-          fmt::format("its place depends on which half of the views is used: {:.1f} mm, {:.2f} deg; "
-                      "more poses shared with its neighbors",
-                      r.split_half->center_mm, r.split_half->rotation_deg));
+    lower(
+        CalibrationGrade::kNotGood,
+        fmt::format("its place depends on which half of the views is used: {:.1f} mm, {:.2f} deg; "
+                    "more poses shared with its neighbors",
+                    r.split_half->center_mm, r.split_half->rotation_deg));
   }
   if (r.sigma && r.sigma->worst > 2) {
     lower(CalibrationGrade::kUsable,

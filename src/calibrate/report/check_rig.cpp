@@ -18,10 +18,10 @@ using namespace calibrate;
 namespace {
 
 constexpr double kDegrees = 180 / std::numbers::pi;
-constexpr double kChiSquare = 22.46;      // 6 degrees of freedom, p = 0.001
-constexpr double kLeastTurn = 2e-4;       // [rad]; less is not called a move
-constexpr double kLeastShift = 2e-4;      // of the distance to the target
-constexpr double kExchanged = 3;          // error as it is over error with two cameras exchanged
+constexpr double kChiSquare = 22.46;  // 6 degrees of freedom, p = 0.001
+constexpr double kLeastTurn = 2e-4;   // [rad]; less is not called a move
+constexpr double kLeastShift = 2e-4;  // of the distance to the target
+constexpr double kExchanged = 3;      // error as it is over error with two cameras exchanged
 
 Result<std::vector<CalibratedCamera>> in_force(const CalibrationViews& views,
                                                const std::vector<CalibratedCamera>& calibration) {
@@ -39,8 +39,8 @@ Result<std::vector<CalibratedCamera>> in_force(const CalibrationViews& views,
 }
 
 /// The calibration in force as a solution: the target in each set where one camera sees it best.
-RigSolution as_solution(const CalibrationViews& views,
-                        const std::vector<CalibratedCamera>& cameras, size_t min_corners) {
+RigSolution as_solution(const CalibrationViews& views, const std::vector<CalibratedCamera>& cameras,
+                        size_t min_corners) {
   RigSolution out;
   for (const CalibratedCamera& camera : cameras) {
     SolvedCamera solved{.camera = camera};
@@ -54,9 +54,8 @@ RigSolution as_solution(const CalibrationViews& views,
     out.used.emplace_back(view.corners.size(), enough ? char{1} : char{0});
     if (!enough || view.corners.size() <= best[view.set]) continue;
     const CalibratedCamera& camera = cameras[view.camera];
-    const auto pose =
-        target_pose(views.target, Eigen::Vector2d::Zero(), camera.model.parameters().lens,
-                    lens_vector(camera.model), view);
+    const auto pose = target_pose(views.target, Eigen::Vector2d::Zero(),
+                                  camera.model.parameters().lens, lens_vector(camera.model), view);
     if (!pose) continue;
     best[view.set] = view.corners.size();
     out.world_from_target[view.set] = camera.world_from_camera * pose->camera_from_target;
@@ -65,9 +64,8 @@ RigSolution as_solution(const CalibrationViews& views,
 }
 
 /// Two cameras whose exchange explains the views far better than the calibration as it is.
-Status check_exchanged(const CalibrationViews& views,
-                       const std::vector<CalibratedCamera>& cameras, size_t min_corners,
-                       double error_px) {
+Status check_exchanged(const CalibrationViews& views, const std::vector<CalibratedCamera>& cameras,
+                       size_t min_corners, double error_px) {
   const std::vector<char> all(views.sets, 1);
   for (size_t a = 0; a < cameras.size(); ++a) {
     for (size_t b = a + 1; b < cameras.size(); ++b) {
@@ -78,8 +76,7 @@ Status check_exchanged(const CalibrationViews& views,
       std::vector<CalibratedCamera> exchanged = cameras;
       std::swap(exchanged[a].model, exchanged[b].model);
       std::swap(exchanged[a].world_from_camera, exchanged[b].world_from_camera);
-      const HeldOut held =
-          held_out_error(views, as_solution(views, exchanged, min_corners), all);
+      const HeldOut held = held_out_error(views, as_solution(views, exchanged, min_corners), all);
       if (!held.all || kExchanged * *held.all > error_px) continue;
       return make_error(ErrorCode::kInvalidInput, "camera " + cameras[a].name,
                         "{} and {} are exchanged: with the calibrations of the two exchanged the "
@@ -144,8 +141,9 @@ double median_distance(const CalibrationViews& views, const RigSolution& solutio
   std::vector<double> distances;
   for (const TargetView& view : views.views) {
     if (!solution.world_from_target[view.set]) continue;
-    distances.push_back(translation_distance(*solution.world_from_target[view.set],
-                                             solution.cameras[view.camera].camera.world_from_camera));
+    distances.push_back(
+        translation_distance(*solution.world_from_target[view.set],
+                             solution.cameras[view.camera].camera.world_from_camera));
   }
   if (distances.empty()) return 1;
   const auto middle = distances.begin() + static_cast<ptrdiff_t>(distances.size() / 2);

@@ -174,9 +174,10 @@ std::string link_plot(const std::vector<CameraReport>& cameras,
   size_t strongest = 1;
   for (const LinkReport& link : links) strongest = std::max(strongest, link.sets);
   const auto at = [&](size_t camera) {
-    const double angle = 2 * std::numbers::pi * static_cast<double>(camera) /
-                         static_cast<double>(cameras.size());
-    return Eigen::Vector2d(kMiddle - kRadius * std::cos(angle), kMiddle - kRadius * std::sin(angle));
+    const double angle =
+        2 * std::numbers::pi * static_cast<double>(camera) / static_cast<double>(cameras.size());
+    return Eigen::Vector2d(kMiddle - kRadius * std::cos(angle),
+                           kMiddle - kRadius * std::sin(angle));
   };
   std::string svg = open_svg(kSize, kSize, "Links: sets in which both saw the target");
   for (const LinkReport& link : links) {

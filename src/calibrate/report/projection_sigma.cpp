@@ -29,7 +29,8 @@ std::optional<Slopes> slopes(const BundleCamera& camera, const std::vector<int>&
   Slopes out;
   out.lens.setZero(2, static_cast<Eigen::Index>(columns.size()));
   for (size_t i = 0; i < columns.size(); ++i) {
-    if (columns[i] < kTimeOffset) out.lens.col(static_cast<Eigen::Index>(i)) = by_lens.col(columns[i]);
+    if (columns[i] < kTimeOffset)
+      out.lens.col(static_cast<Eigen::Index>(i)) = by_lens.col(columns[i]);
   }
   out.pose << by_point * skew(point), -by_point;
   return out;
@@ -49,8 +50,7 @@ Eigen::MatrixXd compensation(const CalibrationViews& views, const Bundle& rig, s
     if (view.camera != c) continue;
     for (size_t i = 0; i < view.used.size(); ++i) {
       if (!view.used[i] || turn++ % stride != 0) continue;
-      const Eigen::Vector3d corner =
-          bent_corner(*rig.target, rig.bend, view.view->corners[i].id);
+      const Eigen::Vector3d corner = bent_corner(*rig.target, rig.bend, view.view->corners[i].id);
       const auto s =
           slopes(camera, columns, camera_from_world * (rig.world_from_target[view.set] * corner));
       if (!s) continue;

@@ -14,12 +14,15 @@ constexpr const char* kHead = R"(<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>Calibration report</title>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <style>
-body{font:15px/1.45 system-ui,sans-serif;margin:1.5rem auto;max-width:1120px;padding:0 1rem;color:#222}
+body{font:15px/1.45 system-ui,sans-serif;margin:1.5rem auto;max-width:1120px;padding:0 1rem;
+color:#222}
 h1{font-size:1.5rem}h2{font-size:1.2rem;margin-top:2rem;border-top:1px solid #ccc;padding-top:1rem}
-table{border-collapse:collapse;margin:.6rem 0}td,th{padding:.2rem .7rem;text-align:right;border-bottom:1px solid #e3e3e3}
+table{border-collapse:collapse;margin:.6rem 0}
+td,th{padding:.2rem .7rem;text-align:right;border-bottom:1px solid #e3e3e3}
 td:first-child,th:first-child{text-align:left}
-.plots{display:flex;flex-wrap:wrap;gap:1rem}.good{color:#1b7a3d}.usable{color:#a86500}.notgood{color:#c0392b}
-svg .t{font:600 12px sans-serif}svg .n{font:11px sans-serif;fill:#555}svg .c{font:600 12px sans-serif}
+.plots{display:flex;flex-wrap:wrap;gap:1rem}
+.good{color:#1b7a3d}.usable{color:#a86500}.notgood{color:#c0392b}
+svg .t,svg .c{font:600 12px sans-serif}svg .n{font:11px sans-serif;fill:#555}
 p.small{color:#555;font-size:13px}
 </style></head><body>
 )";
@@ -89,14 +92,14 @@ std::string camera_section(const CalibrationViews& views, const RigSolution& sol
                            const std::vector<std::vector<Eigen::Vector2d>>& errors) {
   const CameraReport& r = report.cameras[c];
   const SolvedCamera& s = solution.cameras[c];
-  std::string html =
-      fmt::format("<h2>{}: <span class=\"{}\">{}</span></h2>\n<ul>", html_text(r.name),
-                  css_class(r.grade), to_string(r.grade));
+  std::string html = fmt::format("<h2>{}: <span class=\"{}\">{}</span></h2>\n<ul>",
+                                 html_text(r.name), css_class(r.grade), to_string(r.grade));
   for (const std::string& remark : r.remarks) {
     html += fmt::format("<li>{}</li>", html_text(remark));
   }
   html += fmt::format(
-      "</ul>\n<p class=\"small\">Corners cover {:.0f} % of the image; planes of the target differ by "
+      "</ul>\n<p class=\"small\">Corners cover {:.0f} % of the image; planes of the target differ "
+      "by "
       "up to {:.0f}&deg;, distances by a factor of {:.2f}; median distance {:.3f} m.</p>\n",
       100 * r.coverage, r.tilt_deg, r.depth_ratio, r.working_distance);
   PlottedErrors plotted;
@@ -120,8 +123,8 @@ std::string camera_section(const CalibrationViews& views, const RigSolution& sol
   if (s.estimates.empty()) return html + "<p class=\"small\">The lens was given.</p>\n";
   html += "<table><tr><th>parameter</th><th>value</th><th>one sigma</th></tr>";
   for (const ParameterEstimate& e : s.estimates) {
-    html += fmt::format("<tr><td>{}</td><td>{:.6g}</td><td>{:.2g}</td></tr>", e.name, e.value,
-                        e.sigma);
+    html +=
+        fmt::format("<tr><td>{}</td><td>{:.6g}</td><td>{:.2g}</td></tr>", e.name, e.value, e.sigma);
   }
   return html + "</table>\n";
 }

@@ -19,8 +19,7 @@ struct LengthSums {
 
 void add_set(const CalibrationTarget& target, const std::map<int, Eigen::Vector3d>& points,
              LengthSums& sums) {
-  const double near =
-      1.01 * (target.kind == TargetKind::kTagGrid ? target.marker : target.square);
+  const double near = 1.01 * (target.kind == TargetKind::kTagGrid ? target.marker : target.square);
   for (auto a = points.begin(); a != points.end(); ++a) {
     for (auto b = std::next(a); b != points.end(); ++b) {
       const double printed = (target.corner(a->first) - target.corner(b->first)).norm();

@@ -72,7 +72,8 @@ std::vector<SplitHalf> compare(const CalibrationViews& views, const RigSolution&
         const Eigen::Vector2d at = views.target.corner(corner.id);
         const Eigen::Vector3d point =
             *whole.world_from_target[view.set] * Eigen::Vector3d(at.x(), at.y(), 0);
-        const Eigen::Vector3d point_in_a = in_a.world_from_camera.inverse() * (a_from_whole * point);
+        const Eigen::Vector3d point_in_a =
+            in_a.world_from_camera.inverse() * (a_from_whole * point);
         const auto pixel_a = in_a.model.project(point_in_a);
         const auto pixel_b =
             in_b.model.project(in_b.world_from_camera.inverse() * (b_from_whole * point));

@@ -69,8 +69,8 @@ class ViewCost : public ceres::CostFunction {
   }
 
   bool Evaluate(const double* const* blocks, double* residuals, double** jacobians) const override {
-    const ViewState state{lens_, blocks[0], pose_of(blocks[1]), pose_of(blocks[2]),
-                          {blocks[3][0], blocks[3][1]}};
+    const ViewState state{
+        lens_, blocks[0], pose_of(blocks[1]), pose_of(blocks[2]), {blocks[3][0], blocks[3][1]}};
     ViewLinearization at;
     if (!linearize(target_, view_, state, jacobians != nullptr, at)) return false;
     if (huber_ > 0) soften(at);
@@ -187,9 +187,9 @@ std::optional<Eigen::Vector2d> corner_error(const Bundle& bundle, const BundleVi
                                             size_t corner) {
   const BundleCamera& camera = bundle.cameras[view.camera];
   const TargetCorner& c = view.view->corners[corner];
-  const Eigen::Vector3d point = camera.world_from_camera.inverse() *
-                                (bundle.world_from_target[view.set] *
-                                 bent_corner(*bundle.target, bundle.bend, c.id));
+  const Eigen::Vector3d point =
+      camera.world_from_camera.inverse() *
+      (bundle.world_from_target[view.set] * bent_corner(*bundle.target, bundle.bend, c.id));
   Eigen::Vector2d pixel;
   if (!project_lens(camera.lens, camera.values.data(), point, pixel, nullptr, nullptr)) {
     return std::nullopt;
@@ -276,8 +276,7 @@ BundleSummary adjust(Bundle& bundle, const BundleOptions& options) {
   }
   ceres::Solver::Options solver;
   solver.linear_solver_ordering.reset(order);
-  solver.linear_solver_type =
-      bundle.cameras.size() > 30 ? ceres::SPARSE_SCHUR : ceres::DENSE_SCHUR;
+  solver.linear_solver_type = bundle.cameras.size() > 30 ? ceres::SPARSE_SCHUR : ceres::DENSE_SCHUR;
   solver.max_num_iterations = options.max_iterations;
   // On the parameters, not on the cost: long chains of cameras still move where it hardly changes.
   solver.function_tolerance = 1e-12;

@@ -54,8 +54,8 @@ struct BundleSummary {
   bool converged = false;
 };
 
-/// How much a unit of a coefficient of the rational lens costs [px]: next to nothing, but without it
-/// numerator and denominator of a mild lens run away together. 0 for the other lenses.
+/// How much a unit of a coefficient of the rational lens costs [px]: next to nothing, but without
+/// it numerator and denominator of a mild lens run away together. 0 for the other lenses.
 double coefficient_cost(LensModel lens, int parameter);
 
 /// Bundle adjustment with Ceres: trust region, exact derivatives, target poses eliminated first.

@@ -26,8 +26,7 @@ Rigid3 medoid(std::vector<Rigid3> poses) {
   std::vector<double> distances(poses.size());
   for (size_t i = 0; i < poses.size(); ++i) {
     for (size_t j = 0; j < poses.size(); ++j) {
-      distances[j] =
-          rotation_angle(poses[i], poses[j]) + translation_distance(poses[i], poses[j]);
+      distances[j] = rotation_angle(poses[i], poses[j]) + translation_distance(poses[i], poses[j]);
     }
     const auto middle = distances.begin() + static_cast<ptrdiff_t>(distances.size() / 2);
     std::nth_element(distances.begin(), middle, distances.end());
@@ -86,8 +85,7 @@ void place_cameras(Bundle& bundle, const std::vector<std::optional<TargetPose>>&
   for (size_t v = 0; v < bundle.views.size(); ++v) {
     const BundleView& view = bundle.views[v];
     if (!poses[v] || !placed[view.camera]) continue;
-    const double weight =
-        static_cast<double>(view.view->corners.size()) / (0.1 + poses[v]->rms_px);
+    const double weight = static_cast<double>(view.view->corners.size()) / (0.1 + poses[v]->rms_px);
     if (weight <= best[view.set]) continue;
     best[view.set] = weight;
     bundle.world_from_target[view.set] =

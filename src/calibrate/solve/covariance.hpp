@@ -11,9 +11,9 @@ namespace sightline::calibrate {
 /// Where each camera's parameters are in the joint covariance.
 struct CovarianceLayout {
   struct Camera {
-    int lens = 0;                  ///< first row of the free lens parameters
-    std::vector<int> parameters;   ///< which they are (0..12)
-    int place = -1;                ///< first of six rows; -1: the place is held
+    int lens = 0;                 ///< first row of the free lens parameters
+    std::vector<int> parameters;  ///< which they are (0..12)
+    int place = -1;               ///< first of six rows; -1: the place is held
   };
   std::vector<Camera> cameras;
   int bend = -1;  ///< first of two rows; -1: held
@@ -27,8 +27,8 @@ CovarianceLayout layout_of(const Bundle& bundle);
 struct RigCovariance {
   CovarianceLayout layout;
   Eigen::MatrixXd matrix;
-  double sigma_px = 0;   ///< of one coordinate of one corner
-  bool singular = false; ///< something is not determined; then `matrix` is empty
+  double sigma_px = 0;    ///< of one coordinate of one corner
+  bool singular = false;  ///< something is not determined; then `matrix` is empty
 };
 RigCovariance rig_covariance(const Bundle& bundle);
 

@@ -23,9 +23,9 @@ Distorted distort(const double* k, double x, double y) {
   const double below = 1 + k[5] * r2 + k[6] * r4 + k[7] * r6;
   const double radial = above / below;
   // d radial / d r2
-  const double slope = ((k[0] + 2 * k[1] * r2 + 3 * k[4] * r4) -
-                        radial * (k[5] + 2 * k[6] * r2 + 3 * k[7] * r4)) /
-                       below;
+  const double slope =
+      ((k[0] + 2 * k[1] * r2 + 3 * k[4] * r4) - radial * (k[5] + 2 * k[6] * r2 + 3 * k[7] * r4)) /
+      below;
   Distorted d;
   d.point = {x * radial + 2 * k[2] * x * y + k[3] * (r2 + 2 * x * x),
              y * radial + k[2] * (r2 + 2 * y * y) + 2 * k[3] * x * y};

@@ -11,12 +11,12 @@
 namespace sightline::calibrate {
 namespace {
 
-constexpr double kLeastSpreadDeg = 8;    // between the planes of a camera's views
-constexpr double kLeastDepthRatio = 1.2; // of the corners of a camera's views, farthest to nearest
+constexpr double kLeastSpreadDeg = 8;     // between the planes of a camera's views
+constexpr double kLeastDepthRatio = 1.2;  // of the corners of a camera's views, farthest to nearest
 constexpr double kWorstFocalSigma = 0.05;
-constexpr double kWorstFit = 0.02;       // RMS over the longer side of the image
-constexpr double kExchanged = 3;         // own error over another lens's
-constexpr double kPoorFitPx = 1.5;       // below it nobody is accused of anything
+constexpr double kWorstFit = 0.02;  // RMS over the longer side of the image
+constexpr double kExchanged = 3;    // own error over another lens's
+constexpr double kPoorFitPx = 1.5;  // below it nobody is accused of anything
 
 template <typename... Args>
 Error refuse(std::string where, fmt::format_string<Args...> format, Args&&... args) {
@@ -26,7 +26,8 @@ Error refuse(std::string where, fmt::format_string<Args...> format, Args&&... ar
 
 std::vector<size_t> view_counts(const CalibrationViews& views, size_t min_corners) {
   std::vector<size_t> counts(views.cameras.size(), 0);
-  for (const TargetView& view : views.views) counts[view.camera] += view.corners.size() >= min_corners;
+  for (const TargetView& view : views.views)
+    counts[view.camera] += view.corners.size() >= min_corners;
   return counts;
 }
 
@@ -79,10 +80,11 @@ Status check_links(const CalibrationViews& views, const SolveOptions& options) {
     for (size_t i = 0; i < group.size(); ++i) {
       if (group[i] == group[c]) alone += (alone.empty() ? "" : ", ") + views.cameras[i].name;
     }
-    return refuse(camera_place(views, c),
-                  "not linked: {} never saw the target together with camera {}, directly or through "
-                  "others; {}",
-                  alone, views.cameras[options.reference].name, advice_to_link(views, group, c));
+    return refuse(
+        camera_place(views, c),
+        "not linked: {} never saw the target together with camera {}, directly or through "
+        "others; {}",
+        alone, views.cameras[options.reference].name, advice_to_link(views, group, c));
   }
   return {};
 }
@@ -137,11 +139,12 @@ Status check_inputs(const CalibrationViews& views, const SolveOptions& options) 
   for (size_t c = 0; c < counts.size(); ++c) {
     const size_t needed = is_known(options, c) ? 2 : options.min_views;
     if (counts[c] >= needed) continue;
-    return refuse(camera_place(views, c),
-                  "too few views: the target was found in {} of {} images with at least {} corners, "
-                  "{} are needed ({} make a good calibration); show it the {} in more poses",
-                  counts[c], views.cameras[c].images, options.min_corners, needed, 20,
-                  views.target.describe());
+    return refuse(
+        camera_place(views, c),
+        "too few views: the target was found in {} of {} images with at least {} corners, "
+        "{} are needed ({} make a good calibration); show it the {} in more poses",
+        counts[c], views.cameras[c].images, options.min_corners, needed, 20,
+        views.target.describe());
   }
   return check_links(views, options);
 }
@@ -156,9 +159,9 @@ Status check_camera(const CalibrationViews& all, size_t camera, const Bundle& al
   const double ratio = depth_ratio(alone);
   const RigCovariance covariance = rig_covariance(alone);
   const double focal = alone.cameras.front().values[0];
-  const double focal_sigma =
-      covariance.singular ? std::numeric_limits<double>::infinity()
-                          : std::sqrt(covariance.matrix(0, 0)) / std::abs(focal);
+  const double focal_sigma = covariance.singular
+                                 ? std::numeric_limits<double>::infinity()
+                                 : std::sqrt(covariance.matrix(0, 0)) / std::abs(focal);
   if (!(rms_px < kWorstFit * side)) {
     return refuse(where,
                   "the corners do not fit a flat {}: {:.1f} px after the best fit. Is the size in "
@@ -166,24 +169,27 @@ Status check_camera(const CalibrationViews& all, size_t camera, const Bundle& al
                   all.target.describe(), rms_px);
   }
   if (spread < kLeastSpreadDeg) {
-    return refuse(where,
-                  "no tilt: the planes of its {} views differ by {:.1f} deg at most, so that nothing "
-                  "tells focal length from distance; tilt the target by 20 to 45 deg, to all sides",
-                  alone.views.size(), spread);
+    return refuse(
+        where,
+        "no tilt: the planes of its {} views differ by {:.1f} deg at most, so that nothing "
+        "tells focal length from distance; tilt the target by 20 to 45 deg, to all sides",
+        alone.views.size(), spread);
   }
   if (ratio < kLeastDepthRatio) {
-    return refuse(where,
-                  "no change of distance: all corners are within a factor of {:.2f}, so that nothing "
-                  "tells focal length from distance; bring the target nearer and farther (a factor "
-                  "of 2), or give the known lens",
-                  ratio);
+    return refuse(
+        where,
+        "no change of distance: all corners are within a factor of {:.2f}, so that nothing "
+        "tells focal length from distance; bring the target nearer and farther (a factor "
+        "of 2), or give the known lens",
+        ratio);
   }
   if (!(focal_sigma < kWorstFocalSigma)) {
-    return refuse(where,
-                  "the views do not determine its lens: focal length {:.0f} px +- {:.0f} %; they "
-                  "need tilt (planes differ by {:.0f} deg), change of distance (factor {:.2f}), and "
-                  "corners all over the image",
-                  focal, 100 * focal_sigma, spread, ratio);
+    return refuse(
+        where,
+        "the views do not determine its lens: focal length {:.0f} px +- {:.0f} %; they "
+        "need tilt (planes differ by {:.0f} deg), change of distance (factor {:.2f}), and "
+        "corners all over the image",
+        focal, 100 * focal_sigma, spread, ratio);
   }
   return {};
 }

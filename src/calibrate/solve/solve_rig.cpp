@@ -78,8 +78,8 @@ Status solve_alone(const CalibrationViews& views, const SolveOptions& options, s
     const auto pose =
         target_pose(views.target, Eigen::Vector2d::Zero(), solved.lens, *start, *view);
     if (!pose) continue;
-    alone.views.push_back({view, 0, alone.world_from_target.size(),
-                           std::vector<char>(view->corners.size(), 1)});
+    alone.views.push_back(
+        {view, 0, alone.world_from_target.size(), std::vector<char>(view->corners.size(), 1)});
     alone.world_from_target.push_back(pose->camera_from_target);
   }
   BundleOptions bundle_options;
@@ -170,11 +170,12 @@ Result<RigSolution> to_solution(const CalibrationViews& views, const SolveOption
                                 const Bundle& bundle, const BundleSummary& summary) {
   const RigCovariance covariance = rig_covariance(bundle);
   if (covariance.singular) {
-    return make_error(ErrorCode::kInvalidInput, "",
-                      "the views do not determine all that is solved for (lenses, places{}{}): more "
-                      "poses of the target are needed, near and far, tilted, all over the images, "
-                      "seen by cameras together",
-                      options.bend ? ", bend" : "", options.time_offsets ? ", time offsets" : "");
+    return make_error(
+        ErrorCode::kInvalidInput, "",
+        "the views do not determine all that is solved for (lenses, places{}{}): more "
+        "poses of the target are needed, near and far, tilted, all over the images, "
+        "seen by cameras together",
+        options.bend ? ", bend" : "", options.time_offsets ? ", time offsets" : "");
   }
   RigSolution out;
   out.rms_px = summary.rms_px;
@@ -196,10 +197,9 @@ Result<RigSolution> to_solution(const CalibrationViews& views, const SolveOption
   for (size_t c = 0; c < bundle.cameras.size(); ++c) {
     const BundleCamera& camera = bundle.cameras[c];
     const ViewedCamera& seen = views.cameras[c];
-    SL_ASSIGN(CameraModel model,
-              CameraModel::create(
-                  lens_parameters(camera.lens, camera.values, seen.width, seen.height),
-                  camera_place(views, c)));
+    SL_ASSIGN(CameraModel model, CameraModel::create(lens_parameters(camera.lens, camera.values,
+                                                                     seen.width, seen.height),
+                                                     camera_place(views, c)));
     SolvedCamera solved{.camera = {"", std::move(model), Rigid3(), 0}};
     fill_camera(views, bundle, covariance, c, solved);
     for (const TargetView& view : views.views) {
@@ -253,8 +253,7 @@ Result<RigSolution> solve_rig(const CalibrationViews& views, const SolveOptions&
     const BundleCamera& camera = bundle.cameras[view.camera];
     poses.emplace_back();
     if (view.view->corners.size() >= options.min_corners) {
-      poses.back() =
-          target_pose(views.target, bundle.bend, camera.lens, camera.values, *view.view);
+      poses.back() = target_pose(views.target, bundle.bend, camera.lens, camera.values, *view.view);
     }
     if (!poses.back()) std::fill(view.used.begin(), view.used.end(), char{0});
   }
@@ -264,8 +263,10 @@ Result<RigSolution> solve_rig(const CalibrationViews& views, const SolveOptions&
   rough.huber_px = 2;
   rough.max_iterations = 30;
   rough.threads = options.threads;
-  adjust(bundle, rough);
-  return finish(views, options, bundle);
+  const int first = adjust(bundle, rough).iterations;
+  auto solution = finish(views, options, bundle);
+  if (solution) solution->iterations += first;
+  return solution;
 }
 
 Result<RigSolution> resolve_rig(const CalibrationViews& views, const SolveOptions& options,
@@ -299,9 +300,8 @@ std::vector<std::vector<Eigen::Vector2d>> corner_errors(const CalibrationViews& 
     const BundleView as_bundle{&view, view.camera, view.set, {}};
     std::vector<Eigen::Vector2d> row;
     for (size_t i = 0; i < view.corners.size(); ++i) {
-      const auto error = solution.world_from_target[view.set]
-                             ? corner_error(bundle, as_bundle, i)
-                             : std::optional<Eigen::Vector2d>();
+      const auto error = solution.world_from_target[view.set] ? corner_error(bundle, as_bundle, i)
+                                                              : std::optional<Eigen::Vector2d>();
       row.push_back(error.value_or(Eigen::Vector2d(kNan, kNan)));
     }
     errors.push_back(std::move(row));

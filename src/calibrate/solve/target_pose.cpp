@@ -133,8 +133,8 @@ std::optional<TargetPose> target_pose(const CalibrationTarget& target, const Eig
   middle /= static_cast<double>(points.size());
   const ViewState state{lens, values.data(), {}, {}, bend};
   auto best = refine(target, used, state, *start);
-  const Rigid3 other = tilted_back(best ? best->camera_from_target : *start,
-                                   {middle.x(), middle.y(), 0});
+  const Rigid3 other =
+      tilted_back(best ? best->camera_from_target : *start, {middle.x(), middle.y(), 0});
   const auto second = refine(target, used, state, other);
   if (second && (!best || second->rms_px < best->rms_px)) best = second;
   return best;
@@ -170,8 +170,8 @@ std::optional<Bundle> with_poses(const CalibrationTarget& target, LensModel lens
   for (const TargetView* view : views) {
     const auto pose = target_pose(target, Eigen::Vector2d::Zero(), lens, values, *view);
     if (!pose) continue;
-    bundle.views.push_back({view, 0, bundle.world_from_target.size(),
-                            std::vector<char>(view->corners.size(), 1)});
+    bundle.views.push_back(
+        {view, 0, bundle.world_from_target.size(), std::vector<char>(view->corners.size(), 1)});
     bundle.world_from_target.push_back(pose->camera_from_target);
     sum += pose->rms_px * pose->rms_px;
   }

@@ -175,8 +175,7 @@ std::vector<bool> apriltag_modules(const std::string& name, int id) {
   if (maker == nullptr) return {};
   const FamilyPtr family(maker->create(), maker->destroy);
   const bool data_inside = family->total_width == family->width_at_border + 2;
-  if (id < 0 || id >= static_cast<int>(family->ncodes) || !data_inside ||
-      family->reversed_border) {
+  if (id < 0 || id >= static_cast<int>(family->ncodes) || !data_inside || family->reversed_border) {
     return {};
   }
   image_u8_t* image = apriltag_to_image(family.get(), id);

@@ -93,9 +93,9 @@ std::optional<Eigen::Vector2d> BoardFinder::refine(const PlaneView& gray, const 
     if (!pixel) return std::nullopt;
     around[k] = *pixel - *start;
   }
-  return refine_saddle(gray, {*start, around,
-                              layout.markers_on_main_diagonal(corner) != board_.inverted,
-                              tolerance_px});
+  return refine_saddle(
+      gray,
+      {*start, around, layout.markers_on_main_diagonal(corner) != board_.inverted, tolerance_px});
 }
 
 std::optional<Rigid3> BoardFinder::pose_of(const PlanarView& view, double sigma_px) const {

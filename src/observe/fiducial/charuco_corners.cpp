@@ -31,7 +31,8 @@ std::optional<Eigen::Matrix3d> homography(const Points& from, const Points& to) 
   return out;
 }
 
-void append(const BoardLayout& layout, const SquareDetection& marker, Points& board, Points& image) {
+void append(const BoardLayout& layout, const SquareDetection& marker, Points& board,
+            Points& image) {
   for (size_t k = 0; k < 4; ++k) {
     const Eigen::Vector2d p = layout.marker(marker.code)[k];
     board.emplace_back(p.x(), p.y());
@@ -47,8 +48,7 @@ double disagreement(const BoardLayout& layout, const std::vector<SquareDetection
     const SquareDetection* nearest = nullptr;
     double least = 1e18;
     for (const SquareDetection& b : markers) {
-      const double distance =
-          (layout.marker(a.code)[0] - layout.marker(b.code)[0]).squaredNorm();
+      const double distance = (layout.marker(a.code)[0] - layout.marker(b.code)[0]).squaredNorm();
       if (&a != &b && distance < least) {
         least = distance;
         nearest = &b;
@@ -59,8 +59,7 @@ double disagreement(const BoardLayout& layout, const std::vector<SquareDetection
     append(layout, a, board, image);
     const auto h = homography(board, image);
     if (!h) continue;
-    const Eigen::Vector2d at =
-        (*h * layout.marker(nearest->code)[0].homogeneous()).hnormalized();
+    const Eigen::Vector2d at = (*h * layout.marker(nearest->code)[0].homogeneous()).hnormalized();
     errors.push_back((at - nearest->corners[0]).norm() / shortest_side(nearest->corners));
   }
   if (errors.empty()) return -1;

@@ -115,14 +115,16 @@ std::string other_markers(const CalibrationTarget& target, const Frame& frame) {
 std::string explain_missing_target(const CalibrationTarget& target, const Frame& frame) {
   if (target.kind == TargetKind::kChessboard) return chessboard_size(target, frame);
   const auto own = [&](const Frame& image) {
-    return target.kind == TargetKind::kCharuco ? aruco_ids(target.dictionary, target.inverted, image)
-                                               : tag_ids(target.dictionary, image);
+    return target.kind == TargetKind::kCharuco
+               ? aruco_ids(target.dictionary, target.inverted, image)
+               : tag_ids(target.dictionary, image);
   };
   const std::set<int> ids = own(frame);
   if (ids.size() >= kConvincing) {
-    return fmt::format("the image shows {} of the right dictionary, but not where a target of that "
-                       "size and layout has them: are columns and rows right?",
-                       ids_text(ids));
+    return fmt::format(
+        "the image shows {} of the right dictionary, but not where a target of that "
+        "size and layout has them: are columns and rows right?",
+        ids_text(ids));
   }
   if (own(*mirrored(frame)).size() >= kConvincing) {
     return "the image is mirrored: its mirror image shows the markers. Switch off the mirror image "

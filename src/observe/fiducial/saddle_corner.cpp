@@ -46,8 +46,7 @@ std::optional<Eigen::Vector2d> refine_saddle(const PlaneView& gray, const Saddle
   cv::cornerSubPix(image, points, {window, window}, {-1, -1},
                    {cv::TermCriteria::EPS | cv::TermCriteria::COUNT, 20, 0.01});
   const Eigen::Vector2d found(points[0].x, points[0].y);
-  const double tolerance =
-      std::max(start.tolerance_px, 0.25 * start.tolerance_px * plain_px);
+  const double tolerance = std::max(start.tolerance_px, 0.25 * start.tolerance_px * plain_px);
   if ((found - at).norm() > tolerance || !alternates(gray, start, found)) return std::nullopt;
   return found;
 }

@@ -65,7 +65,8 @@ class ChessboardTarget : public TargetDetector {
     return std::clamp(static_cast<int>(side / 4), 2, 7);
   }
 
-  // The print has a dark square at its top-left, so the square after the first inner corner is dark.
+  // The print has a dark square at its top-left, so the square after the first inner corner is
+  // dark.
   bool starts_dark(const PlaneView& gray, const std::vector<DetectedCorner>& corners) const {
     double levels[2] = {0, 0}, counts[2] = {0, 0};
     for (int row = 0; row + 1 < rows_; ++row) {
@@ -74,7 +75,8 @@ class ChessboardTarget : public TargetDetector {
           return corners[static_cast<size_t>(r * columns_ + c)].pixel;
         };
         const Eigen::Vector2d middle = (at(row, column) + at(row + 1, column + 1) +
-                                        at(row, column + 1) + at(row + 1, column)) / 4;
+                                        at(row, column + 1) + at(row + 1, column)) /
+                                       4;
         const int x = static_cast<int>(middle.x() + 0.5), y = static_cast<int>(middle.y() + 0.5);
         if (x < 0 || y < 0 || x >= gray.width || y >= gray.height) continue;
         levels[(row + column) % 2] += gray.row(y)[x];
@@ -87,7 +89,8 @@ class ChessboardTarget : public TargetDetector {
   // OpenCV may start at either end where both look alike, and lists rows of a mirrored frame when
   // it starts in a column; the corners must turn like the print's.
   void turn_upright(std::vector<DetectedCorner>& corners) const {
-    const Eigen::Vector2d along = corners[static_cast<size_t>(columns_ - 1)].pixel - corners[0].pixel;
+    const Eigen::Vector2d along =
+        corners[static_cast<size_t>(columns_ - 1)].pixel - corners[0].pixel;
     const Eigen::Vector2d down =
         corners[static_cast<size_t>(columns_ * (rows_ - 1))].pixel - corners[0].pixel;
     if (along.x() * down.y() - along.y() * down.x() > 0) return;
@@ -122,9 +125,8 @@ class TagGridTarget : public TargetDetector {
     if (!pinhole) return {};
     std::vector<SquareDetection> found;
     tags_->detect(frame, {0, 0, gray.width, gray.height}, 1.0, found);
-    std::sort(found.begin(), found.end(), [](const SquareDetection& a, const SquareDetection& b) {
-      return a.code < b.code;
-    });
+    std::sort(found.begin(), found.end(),
+              [](const SquareDetection& a, const SquareDetection& b) { return a.code < b.code; });
     std::vector<DetectedCorner> out;
     for (size_t i = 0; i < found.size(); ++i) {
       const bool twice = (i > 0 && found[i - 1].code == found[i].code) ||

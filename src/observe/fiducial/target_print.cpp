@@ -36,13 +36,11 @@ Error too_few(const CalibrationTarget& target, int id) {
                     id);
 }
 
-void add_squares(const CalibrationTarget& target, bool dark_first,
-                 std::vector<PrintedRect>& out) {
+void add_squares(const CalibrationTarget& target, bool dark_first, std::vector<PrintedRect>& out) {
   for (int row = 0; row < target.rows; ++row) {
     for (int column = 0; column < target.columns; ++column) {
       if (((row + column) % 2 == 0) != dark_first) continue;
-      out.push_back(
-          {column * target.square, row * target.square, target.square, target.square});
+      out.push_back({column * target.square, row * target.square, target.square, target.square});
     }
   }
 }
@@ -65,9 +63,9 @@ Result<std::vector<PrintedRect>> target_print(const CalibrationTarget& target) {
   }
   if (target.kind == TargetKind::kCharuco) {
     const bool marker_first = target.layout == CharucoLayout::kMarkerFirst && target.rows % 2 == 0;
-    const BoardLayout layout({target.columns, target.rows, target.square, target.marker,
-                              target.dictionary, false},
-                             marker_first);
+    const BoardLayout layout(
+        {target.columns, target.rows, target.square, target.marker, target.dictionary, false},
+        marker_first);
     add_squares(target, !marker_first, out);  // markers are in the bright squares
     for (int id = 0; id < layout.markers(); ++id) {
       const auto modules = aruco_modules(target.dictionary, id);

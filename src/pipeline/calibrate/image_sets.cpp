@@ -36,8 +36,8 @@ bool is_image(const std::filesystem::path& file) {
   std::string extension = file.extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  constexpr const char* kKnown[] = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff",
-                                    ".pgm", ".ppm", ".pnm",  ".webp"};
+  constexpr const char* kKnown[] = {".png",  ".jpg", ".jpeg", ".bmp", ".tif",
+                                    ".tiff", ".pgm", ".ppm",  ".pnm", ".webp"};
   return std::any_of(std::begin(kKnown), std::end(kKnown),
                      [&](const char* known) { return extension == known; });
 }
@@ -98,7 +98,8 @@ void group_into_sets(const std::vector<TimedCorners>& found, double span_s,
       if (found[first].corners.empty()) continue;
       any = true;
       views.views.push_back({found[first].camera, views.sets, found[first].time_s - time_s,
-                             found[first].corners, fmt::format("at {:.3f} s", found[first].time_s)});
+                             found[first].corners,
+                             fmt::format("at {:.3f} s", found[first].time_s)});
     }
     views.sets += any;
   }
@@ -121,8 +122,8 @@ std::vector<std::vector<size_t>> sets_of_stills(const std::vector<CameraStills>&
     out.emplace_back();
     for (size_t i = 0; i < camera.files.size(); ++i) {
       if (numbered) {
-        out.back().push_back(by_number.emplace(number_of(camera.files[i]), by_number.size())
-                                 .first->second);
+        out.back().push_back(
+            by_number.emplace(number_of(camera.files[i]), by_number.size()).first->second);
       } else {
         out.back().push_back(i);
         sets = std::max(sets, i + 1);
@@ -149,8 +150,9 @@ Result<CameraStills> parse_stills(const std::string& argument) {
   } else {
     out.files = matching(place);
     if (mark == std::string::npos) {
-      return make_error(ErrorCode::kInvalidInput, argument,
-                        "is no folder; write NAME=FOLDER or NAME=PATTERN for the images of a camera");
+      return make_error(
+          ErrorCode::kInvalidInput, argument,
+          "is no folder; write NAME=FOLDER or NAME=PATTERN for the images of a camera");
     }
   }
   if (mark != std::string::npos) out.name = argument.substr(0, mark);

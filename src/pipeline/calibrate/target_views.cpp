@@ -22,8 +22,7 @@ namespace {
 class Finder {
  public:
   static Result<std::unique_ptr<Finder>> create(const CalibrationTarget& target,
-                                                const TargetViewsOptions& options,
-                                                size_t cameras) {
+                                                const TargetViewsOptions& options, size_t cameras) {
     auto finder = std::unique_ptr<Finder>(new Finder(target));
     for (size_t c = 0; c < cameras; ++c) {
       SL_ASSIGN(auto detector,
@@ -64,10 +63,10 @@ class Finder {
         reason = explain_missing_target(target_, *frame);
         if (!reason.empty()) break;
       }
-      return make_error(ErrorCode::kInvalidInput, "camera " + cameras[c].name,
-                        "the {} is in none of its {} images{}", target_.describe(),
-                        cameras[c].images,
-                        reason.empty() ? "; is it in view, large and sharp enough?" : ": " + reason);
+      return make_error(
+          ErrorCode::kInvalidInput, "camera " + cameras[c].name,
+          "the {} is in none of its {} images{}", target_.describe(), cameras[c].images,
+          reason.empty() ? "; is it in view, large and sharp enough?" : ": " + reason);
     }
     return {};
   }
@@ -93,7 +92,8 @@ Result<std::vector<size_t>> chosen_cameras(const Recording& recording,
     const bool there = std::any_of(recording.cameras.begin(), recording.cameras.end(),
                                    [&](const RecordedCamera& c) { return c.name == name; });
     if (there) continue;
-    return make_error(ErrorCode::kInvalidInput, recording.path.string(), "has no camera '{}'", name);
+    return make_error(ErrorCode::kInvalidInput, recording.path.string(), "has no camera '{}'",
+                      name);
   }
   return chosen;
 }
