@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <ctime>
 #include <memory>
 
 #include "calibrate/calibrate_commands.hpp"
@@ -60,6 +61,14 @@ void print(const RigSolution& solution, const RigReport& report) {
   }
 }
 
+/// UTC, as TOML writes dates.
+std::string today() {
+  const std::time_t now = std::time(nullptr);
+  std::tm utc{};
+  gmtime_r(&now, &utc);
+  return fmt::format("{:04}-{:02}-{:02}", utc.tm_year + 1900, utc.tm_mon + 1, utc.tm_mday);
+}
+
 /// calibration.toml last: it is in force once it is there, and what explains it is there by then.
 Status write(const std::filesystem::path& folder, const CalibrationViews& views,
              const RigSolution& solution, const RigReport& report, const std::string& epoch) {
@@ -72,7 +81,10 @@ Status write(const std::filesystem::path& folder, const CalibrationViews& views,
       write_file_atomically(folder / "report.json", report_json(views, solution, report, epoch)));
   SL_RETURN_IF_ERROR(
       write_file_atomically(folder / "report.html", report_html(views, solution, report, epoch)));
-  return write_calibration(folder / "calibration.toml", cameras_of(solution));
+  const std::string text =
+      format_solution(solution, today(), fmt::format("epoch {}, see corners.csv", epoch));
+  SL_RETURN_IF_ERROR(parse_calibration(text, "the calibration"));
+  return write_file_atomically(folder / "calibration.toml", text);
 }
 
 Status run(const SolveCommandOptions& o) {

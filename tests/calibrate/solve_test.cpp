@@ -9,6 +9,7 @@
 #include "calibrate/solve/bundle.hpp"
 #include "calibrate/solve/lens_projection.hpp"
 #include "sightline/calibrate/assess.hpp"
+#include "sightline/calibrate/calibration_file.hpp"
 #include "synthetic_views.hpp"
 
 namespace sightline {
@@ -156,6 +157,19 @@ TEST(SolveRig, KnownLensesAreHeld) {
   }
   EXPECT_THAT(solution->cameras[1].camera.world_from_camera,
               test::PoseNear(rig.truth[1].world_from_camera, 8e-4, 1.5e-3));
+}
+
+TEST(SolveRig, IsWrittenWithItsSigmas) {
+  const SyntheticRig rig = make_rig({.cameras = 2, .sets = 25});
+  const auto solution = solve_rig(rig.views, {});
+  ASSERT_THAT(solution, IsOk());
+  const std::string text = format_solution(*solution, "2024-05-31", "epoch 0123");
+  const auto back = parse_calibration(text, "calibration.toml");
+  ASSERT_THAT(back, IsOk());
+  ASSERT_EQ(back->size(), 2u);
+  EXPECT_EQ((*back)[1].model, solution->cameras[1].camera.model);
+  EXPECT_NE(text.find("# epoch 0123\n"), std::string::npos);
+  EXPECT_NE(text.find("date = 2024-05-31\n[camera.sigmas]\nfx = 0."), std::string::npos);
 }
 
 TEST(SolveRig, FindsTheBendOfTheTarget) {

@@ -75,6 +75,10 @@ Result<RigSolution> solve_rig(const CalibrationViews& views, const SolveOptions&
 Result<RigSolution> resolve_rig(const CalibrationViews& views, const SolveOptions& options,
                                 const RigSolution& start);
 
+/// calibration.toml of a solution: cameras, sigmas and date.
+std::string format_solution(const RigSolution& solution, const std::string& date,
+                            const std::string& remark);
+
 /// Error of every corner [px], projection less measurement, by view and corner of `views`; NaN
 /// where it does not project or its set has no pose.
 std::vector<std::vector<Eigen::Vector2d>> corner_errors(const CalibrationViews& views,
