@@ -3,8 +3,10 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cstdio>
 #include <ctime>
 #include <memory>
+#include <optional>
 
 #include "calibrate/calibrate_commands.hpp"
 #include "calibrate/solve_arguments.hpp"
@@ -87,10 +89,51 @@ Status write(const std::filesystem::path& folder, const CalibrationViews& views,
   return write_file_atomically(folder / "calibration.toml", text);
 }
 
+struct Solved {
+  RigSolution solution;
+  RigReport report;
+};
+
+Result<Solved> solve(const CalibrationViews& views, const SolveOptions& options) {
+  SL_ASSIGN(RigSolution solution, solve_rig(views, options));
+  SL_ASSIGN(RigReport report, assess_rig(views, options, solution));
+  return Solved{std::move(solution), std::move(report)};
+}
+
+/// The family that predicts what it was not fitted to best; a richer one must be better by 2 %.
+Result<Solved> solve_best(const CalibrationViews& views, SolveOptions options) {
+  constexpr double kBetter = 0.98;
+  std::optional<Solved> best;
+  std::optional<Error> refused;
+  for (const LensModel lens :
+       {LensModel::kBrownConrady, LensModel::kFisheye, LensModel::kRational}) {
+    for (CameraPrior& prior : options.cameras) prior.lens = lens;
+    auto solved = solve(views, options);
+    const char* const name = lens == LensModel::kBrownConrady ? "brown_conrady"
+                             : lens == LensModel::kFisheye    ? "fisheye"
+                                                              : "rational";
+    if (!solved) {
+      std::fprintf(stderr, "%s: %s\n", name, solved.error().message().c_str());
+      if (!refused) refused = solved.error();
+      continue;
+    }
+    const double error = solved->report.held_out_px.value_or(1e9);
+    std::fprintf(stderr, "%s: held out %.4f px, fit %.4f px\n", name, error,
+                 solved->solution.rms_px);
+    if (!best || error < kBetter * best->report.held_out_px.value_or(1e9)) {
+      best = *std::move(solved);
+    }
+  }
+  if (!best) return *refused;
+  return *std::move(best);
+}
+
 Status run(const SolveCommandOptions& o) {
   SL_ASSIGN(const CalibrationViews views, load_views(o.views));
   SolveOptions options = o.solve;
-  SL_ASSIGN(options.cameras, parse_priors(views, o.models, o.intrinsics));
+  const bool best = o.models == std::vector<std::string>{"best"};
+  SL_ASSIGN(options.cameras,
+            parse_priors(views, best ? std::vector<std::string>() : o.models, o.intrinsics));
   if (!o.reference.empty()) {
     const auto found = std::find_if(views.cameras.begin(), views.cameras.end(),
                                     [&](const ViewedCamera& c) { return c.name == o.reference; });
@@ -100,8 +143,9 @@ Status run(const SolveCommandOptions& o) {
     }
     options.reference = static_cast<size_t>(found - views.cameras.begin());
   }
-  SL_ASSIGN(const RigSolution solution, solve_rig(views, options));
-  SL_ASSIGN(const RigReport report, assess_rig(views, options, solution));
+  SL_ASSIGN(const Solved solved, best ? solve_best(views, options) : solve(views, options));
+  const RigSolution& solution = solved.solution;
+  const RigReport& report = solved.report;
   const std::string epoch = fmt::format(
       "{:016x}", content_hash(format_views(views) + format_calibration(cameras_of(solution))));
   SL_RETURN_IF_ERROR(write(o.out, views, solution, report, epoch));
