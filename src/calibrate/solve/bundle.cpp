@@ -2,6 +2,7 @@
 #include "calibrate/solve/bundle.hpp"
 
 #include <ceres/ceres.h>
+#include <glog/logging.h>
 
 #include <algorithm>
 #include <cmath>
@@ -137,6 +138,15 @@ class CoefficientCost : public ceres::SizedCostFunction<8, kLensSize> {
   const LensModel lens_;
 };
 
+/// Ceres says on stderr when a step fails, which is part of the search and ours to report.
+void keep_ceres_quiet() {
+  static const bool done = [] {
+    FLAGS_minloglevel = google::GLOG_FATAL;
+    return true;
+  }();
+  (void)done;
+}
+
 void add_camera(ceres::Problem& problem, const BundleCamera& camera, double* lens, double* place) {
   std::vector<int> fixed;
   for (int i = 0; i < kLensSize; ++i) {
@@ -248,6 +258,7 @@ bool linearize(const CalibrationTarget& target, const BundleView& view, const Vi
 }
 
 BundleSummary adjust(Bundle& bundle, const BundleOptions& options) {
+  keep_ceres_quiet();
   std::vector<PoseBlock> places, targets;
   for (const BundleCamera& c : bundle.cameras) places.push_back(block_of(c.world_from_camera));
   for (const Rigid3& pose : bundle.world_from_target) targets.push_back(block_of(pose));

@@ -51,6 +51,7 @@ void add_set(const std::vector<ViewBlock>& blocks, Eigen::MatrixXd& information)
   std::vector<Eigen::MatrixXd> cross;
   for (const ViewBlock& b : blocks) cross.push_back(b.target.transpose() * b.camera);
   for (size_t i = 0; i < blocks.size(); ++i) {
+    if (blocks[i].columns.empty()) continue;
     add(information, blocks[i].columns, blocks[i].columns,
         blocks[i].camera.transpose() * blocks[i].camera, 1);
     const Eigen::MatrixXd solved = inverse.solve(cross[i]);
@@ -141,20 +142,6 @@ RigCovariance rig_covariance(const Bundle& bundle) {
   out.matrix = scaled_inverse(information) * (out.sigma_px * out.sigma_px);
   out.singular = out.matrix.size() == 0 || rows <= unknowns;
   return out;
-}
-
-Eigen::MatrixXd projection_jacobian(const RigCovariance& covariance, size_t camera,
-                                    const Eigen::Matrix<double, 2, 12>& by_lens,
-                                    const Eigen::Matrix<double, 2, 6>& by_place) {
-  Eigen::MatrixXd j = Eigen::MatrixXd::Zero(2, covariance.layout.size);
-  const CovarianceLayout::Camera& c = covariance.layout.cameras[camera];
-  for (size_t i = 0; i < c.parameters.size(); ++i) {
-    if (c.parameters[i] < 12) {
-      j.col(c.lens + static_cast<int>(i)) = by_lens.col(c.parameters[i]);
-    }
-  }
-  if (c.place >= 0) j.middleCols<6>(c.place) = by_place;
-  return j;
 }
 
 }  // namespace sightline::calibrate

@@ -32,9 +32,4 @@ struct RigCovariance {
 };
 RigCovariance rig_covariance(const Bundle& bundle);
 
-/// J of a projection by the camera's own parameters, in the columns of the layout.
-Eigen::MatrixXd projection_jacobian(const RigCovariance& covariance, size_t camera,
-                                    const Eigen::Matrix<double, 2, 12>& by_lens,
-                                    const Eigen::Matrix<double, 2, 6>& by_place);
-
 }  // namespace sightline::calibrate
