@@ -100,7 +100,7 @@ TEST(SolveRig, OneCameraFromNothing) {
 }
 
 TEST(SolveRig, StereoPairKeepsItsClaims) {
-  for (uint64_t seed = 1; seed <= 5; ++seed) {
+  for (uint64_t seed = 1; seed <= 3; ++seed) {
     const SyntheticRig rig = make_rig({.cameras = 2, .sets = 30, .seed = seed});
     const auto solution = solve_rig(rig.views, {});
     ASSERT_THAT(solution, IsOk());
@@ -109,8 +109,8 @@ TEST(SolveRig, StereoPairKeepsItsClaims) {
 }
 
 TEST(SolveRig, RingsKeepTheirClaims) {
-  for (const size_t cameras : {size_t{8}, size_t{24}}) {
-    const SyntheticRig rig = make_rig({.cameras = cameras, .sets = 5 * cameras, .seed = 7});
+  for (const size_t cameras : {size_t{8}, size_t{16}}) {
+    const SyntheticRig rig = make_rig({.cameras = cameras, .sets = 4 * cameras, .seed = 7});
     SolveOptions options;
     options.reject_sigmas = 0;
     const auto solution = solve_rig(rig.views, options);
