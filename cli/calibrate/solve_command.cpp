@@ -170,10 +170,9 @@ void add_calibrate_solve(CLI::App& parent, Command& chosen) {
                       "folder for calibration.toml, report.html, report.json and corners.csv "
                       "(default: calibration)");
   command
-      ->add_option(
-          "--model", options->models,
-          "brown_conrady (default), rational or fisheye; NAME=MODEL for one camera; may be "
-          "repeated")
+      ->add_option("--model", options->models,
+                   "brown_conrady (default), rational or fisheye; NAME=MODEL for one camera; best: "
+                   "tries all three and takes what predicts best")
       ->allow_extra_args(false);
   command->add_option("--intrinsics", options->intrinsics,
                       "calibration.toml whose lenses are held; only the places are solved for");
