@@ -18,6 +18,7 @@ using Command = std::function<int()>;
 
 /// Each adds one command of `sightline` to the application; where the command line names it,
 /// parsing sets `chosen`, which must outlive that.
+void add_calibrate(CLI::App& app, Command& chosen);
 void add_cameras(CLI::App& app, Command& chosen);
 void add_check(CLI::App& app, Command& chosen);
 void add_detect(CLI::App& app, Command& chosen);

@@ -21,9 +21,9 @@ int run(int argc, char** argv) {
   app.add_flag("-v,--verbose", verbose, "say more on stderr");
 
   cli::Command chosen;
-  for (const auto add :
-       {cli::add_check, cli::add_evaluate, cli::add_replay, cli::add_record, cli::add_cameras,
-        cli::add_model, cli::add_superimpose, cli::add_view, cli::add_train, cli::add_detect}) {
+  for (const auto add : {cli::add_check, cli::add_evaluate, cli::add_replay, cli::add_record,
+                         cli::add_cameras, cli::add_model, cli::add_superimpose, cli::add_view,
+                         cli::add_train, cli::add_detect, cli::add_calibrate}) {
     add(app, chosen);
   }
   try {

@@ -15,6 +15,7 @@ using namespace calibrate;
 namespace {
 
 constexpr size_t kMaxBytes = size_t{16} << 20;
+constexpr const char* kHead = "# calibration of the cameras: pixels and meters\n";
 
 const char* name_of(LensModel lens) {
   switch (lens) {
@@ -43,6 +44,18 @@ std::string list(const double* values, size_t count) {
   std::string text = "[";
   for (size_t i = 0; i < count; ++i) text += (i == 0 ? "" : ", ") + number(values[i]);
   return text + "]";
+}
+
+std::string format_camera(const CalibratedCamera& camera) {
+  const CameraModel::Parameters& p = camera.model.parameters();
+  std::string text = fmt::format(
+      "\n[[camera]]\nname = \"{}\"\nwidth = {}\nheight = {}\nmodel = \"{}\"\nfx = {}\nfy = {}\n"
+      "cx = {}\ncy = {}\ndistortion = {}\nworld_from_camera = [\n",
+      camera.name, p.width, p.height, name_of(p.lens), number(p.fx), number(p.fy), number(p.cx),
+      number(p.cy), list(p.distortion.data(), coefficients_of(p.lens)));
+  const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> m = camera.world_from_camera.matrix();
+  for (int row = 0; row < 4; ++row) text += "  " + list(m.data() + 4 * row, 4) + ",\n";
+  return text + fmt::format("]\nrms_px = {}\n", number(camera.rms_px));
 }
 
 Result<std::vector<CalibratedCamera>> read_cameras(const toml::table& root,
@@ -94,17 +107,29 @@ Result<std::vector<CalibratedCamera>> read_calibration(const std::filesystem::pa
 }
 
 std::string format_calibration(const std::vector<CalibratedCamera>& cameras) {
-  std::string text = "# calibration of the cameras: pixels and meters\n";
-  for (const CalibratedCamera& camera : cameras) {
-    const CameraModel::Parameters& p = camera.model.parameters();
-    text += fmt::format(
-        "\n[[camera]]\nname = \"{}\"\nwidth = {}\nheight = {}\nmodel = \"{}\"\nfx = {}\nfy = {}\n"
-        "cx = {}\ncy = {}\ndistortion = {}\nworld_from_camera = [\n",
-        camera.name, p.width, p.height, name_of(p.lens), number(p.fx), number(p.fy), number(p.cx),
-        number(p.cy), list(p.distortion.data(), coefficients_of(p.lens)));
-    const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> m = camera.world_from_camera.matrix();
-    for (int row = 0; row < 4; ++row) text += "  " + list(m.data() + 4 * row, 4) + ",\n";
-    text += fmt::format("]\nrms_px = {}\n", number(camera.rms_px));
+  std::string text = kHead;
+  for (const CalibratedCamera& camera : cameras) text += format_camera(camera);
+  return text;
+}
+
+std::string format_calibration(const std::vector<CalibratedCamera>& cameras,
+                               const std::vector<CalibrationSigmas>& sigmas,
+                               const std::string& date, const std::string& remark) {
+  SL_CHECK(sigmas.size() == cameras.size(), "sigmas of each camera");
+  std::string text = kHead;
+  if (!remark.empty()) text += "# " + remark + "\n";
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    const CalibrationSigmas& s = sigmas[c];
+    text += format_camera(cameras[c]);
+    if (!date.empty()) text += fmt::format("date = {}\n", date);
+    text += "[camera.sigmas]\n";
+    if (s.fx > 0) {
+      text += fmt::format("fx = {}\nfy = {}\ncx = {}\ncy = {}\ndistortion = {}\n", number(s.fx),
+                          number(s.fy), number(s.cx), number(s.cy),
+                          list(s.distortion.data(), s.distortion.size()));
+    }
+    text += fmt::format("rotation = {}\ntranslation = {}\n", list(s.rotation.data(), 3),
+                        list(s.translation.data(), 3));
   }
   return text;
 }

@@ -45,7 +45,7 @@ SHARED_NAMESPACE = {"render"}
 SOURCE = (".cpp", ".hpp", ".h", ".cc")
 VENDOR = re.compile(r'#\s*include\s*[<"](opencv2|gst|glib|GL|EGL|GLES\d?|libav|libsw|assimp|apriltag|'
                     r'linux/videodev2|arv|libcamera|ft2build|freetype|microhttpd|prometheus|systemd|'
-                    r'toml\+\+|nlohmann|libyuv|CLI)[/.]?')
+                    r'toml\+\+|nlohmann|libyuv|CLI|ceres|glog|yaml-cpp)[/.]?')
 INCLUDE = re.compile(r'^\s*#\s*include\s*"([^"]+)"')
 PROGRAM_SOURCE = re.compile(r"(?:^|[\s\"/}])(?:daemon|cli)/[\w/]+\.cpp")
 # "GREY" is the name of a pixel format; capitals are left alone.

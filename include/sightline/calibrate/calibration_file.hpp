@@ -41,6 +41,20 @@ Result<std::vector<CalibratedCamera>> parse_calibration(std::string_view text,
 /// Text that parse_calibration() reads back to the same cameras (poses to 1e-15).
 std::string format_calibration(const std::vector<CalibratedCamera>& cameras);
 
+/// How far a camera's numbers may be off, one sigma each; they are written beside it.
+struct CalibrationSigmas {
+  double fx = 0, fy = 0, cx = 0, cy = 0;  ///< [px]; 0: the lens was given
+  std::vector<double> distortion;         ///< as many as the lens has coefficients, or none
+  Eigen::Vector3d rotation = Eigen::Vector3d::Zero();     ///< of world_from_camera's tangent [rad]
+  Eigen::Vector3d translation = Eigen::Vector3d::Zero();  ///< [m]
+};
+
+/// The same with sigmas and date (YYYY-MM-DD, or empty), as solvers know them. `remark`: a comment
+/// at the top, on one line.
+std::string format_calibration(const std::vector<CalibratedCamera>& cameras,
+                               const std::vector<CalibrationSigmas>& sigmas,
+                               const std::string& date, const std::string& remark);
+
 /// Replaces the file so that a crash leaves the old one or the new one.
 Status write_calibration(const std::filesystem::path& path,
                          const std::vector<CalibratedCamera>& cameras);

@@ -170,4 +170,24 @@ Result<std::unique_ptr<SquareDetector>> make_apriltag_detector(const std::vector
       std::make_unique<AprilTagDetector>(std::move(families), codes.size(), limits));
 }
 
+std::vector<bool> apriltag_modules(const std::string& name, int id) {
+  const FamilyMaker* maker = find_family(name);
+  if (maker == nullptr) return {};
+  const FamilyPtr family(maker->create(), maker->destroy);
+  const bool data_inside = family->total_width == family->width_at_border + 2;
+  if (id < 0 || id >= static_cast<int>(family->ncodes) || !data_inside || family->reversed_border) {
+    return {};
+  }
+  image_u8_t* image = apriltag_to_image(family.get(), id);
+  std::vector<bool> dark;
+  for (int row = 1; row <= family->width_at_border; ++row) {
+    for (int column = 1; column <= family->width_at_border; ++column) {
+      dark.push_back(image->buf[row * image->stride + column] < 128);
+    }
+  }
+  image_u8_destroy(image);
+  if (maker->half_turn) std::reverse(dark.begin(), dark.end());
+  return dark;
+}
+
 }  // namespace sightline::observe

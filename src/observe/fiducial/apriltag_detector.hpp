@@ -24,4 +24,9 @@ Result<std::unique_ptr<SquareDetector>> make_apriltag_detector(const std::vector
                                                                const AprilTagLimits& limits,
                                                                const std::string& where);
 
+/// Modules inside the outer edge of the black border, row by row, true for dark; a square. Empty if
+/// the family does not have the id, or has data outside its border (the "circle" and "standard"
+/// families), which a grid has no room for.
+std::vector<bool> apriltag_modules(const std::string& family, int id);
+
 }  // namespace sightline::observe

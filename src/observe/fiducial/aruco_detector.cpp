@@ -66,6 +66,9 @@ class Markers {
  public:
 #if SIGHTLINE_OPENCV_ARUCO_CLASSES
   static cv::aruco::Dictionary dictionary(int id) { return cv::aruco::getPredefinedDictionary(id); }
+  static void draw(const cv::aruco::Dictionary& dictionary, int id, int side, cv::Mat& image) {
+    cv::aruco::generateImageMarker(dictionary, id, side, image);
+  }
   explicit Markers(const cv::aruco::Dictionary& dictionary) : detector_(dictionary, tuned()) {}
   void detect(const cv::Mat& image, std::vector<std::vector<cv::Point2f>>& corners,
               std::vector<int>& ids) {
@@ -82,6 +85,9 @@ class Markers {
 #else
   static cv::aruco::Dictionary dictionary(int id) {
     return *cv::aruco::getPredefinedDictionary(id);
+  }
+  static void draw(const cv::aruco::Dictionary& dictionary, int id, int side, cv::Mat& image) {
+    cv::aruco::drawMarker(cv::makePtr<cv::aruco::Dictionary>(dictionary), id, side, image);
   }
   explicit Markers(const cv::aruco::Dictionary& dictionary)
       : dictionary_(cv::makePtr<cv::aruco::Dictionary>(dictionary)),
@@ -224,6 +230,22 @@ Result<std::unique_ptr<SquareDetector>> make_aruco_detector(const std::vector<Sq
     return make_error(ErrorCode::kInternal, where, "OpenCV could not make dictionary {}: {}",
                       dictionary, e.what());
   }
+}
+
+std::vector<bool> aruco_modules(const std::string& dictionary, int id) {
+  const DictionaryName* name = find_dictionary(dictionary);
+  if (name == nullptr) return {};
+  const cv::aruco::Dictionary all = Markers::dictionary(name->id);
+  if (id < 0 || id >= all.bytesList.rows) return {};
+  cv::Mat image;
+  Markers::draw(all, id, all.markerSize + 2, image);
+  std::vector<bool> dark;
+  for (int row = 0; row < image.rows; ++row) {
+    for (int column = 0; column < image.cols; ++column) {
+      dark.push_back(image.at<uint8_t>(row, column) < 128);
+    }
+  }
+  return dark;
 }
 
 }  // namespace sightline::observe

@@ -23,4 +23,8 @@ Result<std::unique_ptr<SquareDetector>> make_aruco_detector(const std::vector<Sq
                                                             bool inverted,
                                                             const std::string& where);
 
+/// Modules of a marker with its border, row by row, true for dark; a square. Empty if the
+/// dictionary does not have the id.
+std::vector<bool> aruco_modules(const std::string& dictionary, int id);
+
 }  // namespace sightline::observe

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <opencv2/core.hpp>
-#include <opencv2/imgproc.hpp>
+
+#include "observe/fiducial/saddle_corner.hpp"
 
 namespace sightline::observe {
 namespace {
@@ -13,8 +13,6 @@ constexpr double kMarkerSigmaPx = 1.0;      // of a marker's corner as the detec
 constexpr double kMarkerAgreesPx = 3.0;     // farther off, a marker is not this board's
 constexpr double kMarkerTolerancePx = 2.0;  // of a corner predicted from markers
 constexpr double kCornerTolerancePx = 1.0;  // of a corner predicted from other corners
-constexpr int kMinWindow = 2, kMaxWindow = 7;
-constexpr double kMinSaddleContrast = 8;  // gray levels between the two diagonals
 
 Eigen::Vector3d lift(const Eigen::Vector2d& p) { return {p.x(), p.y(), 0}; }
 
@@ -90,45 +88,14 @@ std::optional<Eigen::Vector2d> BoardFinder::refine(const PlaneView& gray, const 
   std::array<Eigen::Vector2d, 4> around;  // x+y+, x-y-, x+y-, x-y+
   const std::array<Eigen::Vector2d, 4> steps = {Eigen::Vector2d(1, 1), Eigen::Vector2d(-1, -1),
                                                 Eigen::Vector2d(1, -1), Eigen::Vector2d(-1, 1)};
-  double plain_px = 1e9;
   for (size_t k = 0; k < 4; ++k) {
     const auto pixel = camera.project(camera_from_board * lift(at + inset * steps[k]));
     if (!pixel) return std::nullopt;
     around[k] = *pixel - *start;
-    plain_px = std::min(plain_px, around[k].norm());
   }
-  const int window = std::clamp(static_cast<int>(plain_px * 0.8), kMinWindow, kMaxWindow);
-  const double border = window + 3.0;
-  if (start->x() < border || start->y() < border || start->x() > gray.width - 1 - border ||
-      start->y() > gray.height - 1 - border) {
-    return std::nullopt;
-  }
-  const cv::Mat image(gray.height, gray.width, CV_8UC1, const_cast<uint8_t*>(gray.data),
-                      static_cast<size_t>(gray.stride));
-  std::vector<cv::Point2f> points = {
-      {static_cast<float>(start->x()), static_cast<float>(start->y())}};
-  cv::cornerSubPix(image, points, {window, window}, {-1, -1},
-                   {cv::TermCriteria::EPS | cv::TermCriteria::COUNT, 20, 0.01});
-  const Eigen::Vector2d found(points[0].x, points[0].y);
-  if ((found - *start).norm() > std::max(tolerance_px, 0.25 * tolerance_px * plain_px))
-    return std::nullopt;
-
-  // A hand or a highlight may cover the corner: the four squares must alternate as printed.
-  std::array<double, 4> levels{};
-  for (size_t k = 0; k < 4; ++k) {
-    const Eigen::Vector2d p = found + 0.6 * around[k];
-    if (p.x() < 0 || p.y() < 0 || p.x() > gray.width - 1 || p.y() > gray.height - 1) {
-      return std::nullopt;
-    }
-    levels[k] = gray.row(static_cast<int>(p.y() + 0.5))[static_cast<int>(p.x() + 0.5)];
-  }
-  const bool main_is_bright = layout.markers_on_main_diagonal(corner) != board_.inverted;
-  const double darkest_bright =
-      main_is_bright ? std::min(levels[0], levels[1]) : std::min(levels[2], levels[3]);
-  const double brightest_dark =
-      main_is_bright ? std::max(levels[2], levels[3]) : std::max(levels[0], levels[1]);
-  if (darkest_bright - brightest_dark < kMinSaddleContrast) return std::nullopt;
-  return found;
+  return refine_saddle(
+      gray,
+      {*start, around, layout.markers_on_main_diagonal(corner) != board_.inverted, tolerance_px});
 }
 
 std::optional<Rigid3> BoardFinder::pose_of(const PlanarView& view, double sigma_px) const {

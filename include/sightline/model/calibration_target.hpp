@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <string>
+
+namespace sightline {
+
+enum class TargetKind : uint8_t { kChessboard, kCharuco, kTagGrid };
+
+/// What the square at the top-left of a ChArUco print is. OpenCV prints dark squares there from 4.6
+/// on; older prints of boards with an even number of rows start with a marker. With an odd number
+/// of rows both are the same.
+enum class CharucoLayout : uint8_t { kAny, kDarkFirst, kMarkerFirst };
+
+/// A flat calibration target and the corners on it. Frame: origin at the top-left outer corner of
+/// the print, x right, y down, z into the board [m]. Corner ids:
+///     chessboard, ChArUco   inner corners, row by row from the top-left, from 0
+///     tag grid              4 * tag + 0..3: top-left, top-right, bottom-right, bottom-left of the
+///                           black border; tags row by row from the top-left, from 0
+struct CalibrationTarget {
+  std::string name = "target";
+  TargetKind kind = TargetKind::kCharuco;
+  int columns = 0, rows = 0;  ///< squares, or tags
+  double square = 0;          ///< chessboard, ChArUco: side of a square [m]
+  double marker = 0;          ///< ChArUco, tag grid: outer edge of the black border [m]
+  double gap = 0;             ///< tag grid: from tag to tag, and around them [m]
+  std::string dictionary;     ///< ChArUco: "5X5_100"; tag grid: family, "tag36h11"
+  int first_id = 0;           ///< tag grid: id of the tag at the top-left
+  bool inverted = false;      ///< ChArUco: printed white on black
+  CharucoLayout layout = CharucoLayout::kAny;
+
+  bool operator==(const CalibrationTarget&) const = default;
+
+  int corner_count() const;
+  /// Corner `id`, 0 <= id < corner_count() [m].
+  Eigen::Vector2d corner(int id) const;
+  /// Size of the pattern, margins aside [m].
+  Eigen::Vector2d size() const;
+  /// "ChArUco board of 8x6 squares of 60 mm, 5X5_100", for messages.
+  std::string describe() const;
+  /// A chessboard of which two views half a turn apart look the same: inner corners even x even or
+  /// odd x odd.
+  bool same_after_half_turn() const;
+};
+
+/// A dark rectangle of a print, in the target's frame [m].
+struct PrintedRect {
+  double left = 0, top = 0, width = 0, height = 0;
+};
+
+}  // namespace sightline

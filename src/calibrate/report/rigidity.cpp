@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+#include <map>
+
+#include "calibrate/solve/bundle.hpp"
+#include "sightline/calibrate/assess.hpp"
+#include "sightline/geometry/triangulation.hpp"
+
+namespace sightline {
+
+using namespace calibrate;
+
+namespace {
+
+struct LengthSums {
+  double squares = 0, adjacent_squares = 0, scale = 0;
+  size_t count = 0, adjacent = 0;
+};
+
+void add_set(const CalibrationTarget& target, const std::map<int, Eigen::Vector3d>& points,
+             LengthSums& sums) {
+  const double near = 1.01 * (target.kind == TargetKind::kTagGrid ? target.marker : target.square);
+  for (auto a = points.begin(); a != points.end(); ++a) {
+    for (auto b = std::next(a); b != points.end(); ++b) {
+      const double printed = (target.corner(a->first) - target.corner(b->first)).norm();
+      const double measured = (a->second - b->second).norm();
+      const double error = measured - printed;
+      sums.squares += error * error;
+      sums.scale += measured / printed;
+      ++sums.count;
+      if (printed > near) continue;
+      sums.adjacent_squares += error * error;
+      ++sums.adjacent;
+    }
+  }
+}
+
+}  // namespace
+
+std::optional<RigidityReport> rigidity(const CalibrationViews& views,
+                                       const std::vector<CalibratedCamera>& cameras,
+                                       const std::vector<double>& time_offsets_s) {
+  std::vector<std::vector<const TargetView*>> by_set(views.sets);
+  for (const TargetView& view : views.views) by_set[view.set].push_back(&view);
+  LengthSums sums;
+  for (const auto& set : by_set) {
+    if (set.size() < 2) continue;
+    std::map<int, std::vector<PointSight>> sights;
+    for (const TargetView* view : set) {
+      LensVector lens{};
+      lens[kTimeOffset] = time_offsets_s[view->camera];
+      for (const TargetCorner& corner : view->corners) {
+        sights[corner.id].push_back(
+            {&cameras[view->camera], pixel_at_set(*view, corner, lens), 0.5});
+      }
+    }
+    std::map<int, Eigen::Vector3d> points;
+    for (const auto& [id, rays] : sights) {
+      if (rays.size() < 2) continue;
+      const auto point = triangulate(rays);
+      if (point) points[id] = point->point_in_world;
+    }
+    add_set(views.target, points, sums);
+  }
+  if (sums.count == 0) return std::nullopt;
+  const auto n = static_cast<double>(sums.count);
+  const auto near = static_cast<double>(std::max<size_t>(1, sums.adjacent));
+  return RigidityReport{1e3 * std::sqrt(sums.squares / n),
+                        1e3 * std::sqrt(sums.adjacent_squares / near), sums.scale / n, sums.count};
+}
+
+}  // namespace sightline

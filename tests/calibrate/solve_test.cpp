@@ -1,0 +1,262 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sightline/calibrate/solve.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "../support/matchers.hpp"
+#include "calibrate/solve/bundle.hpp"
+#include "calibrate/solve/lens_projection.hpp"
+#include "sightline/calibrate/assess.hpp"
+#include "sightline/calibrate/calibration_file.hpp"
+#include "synthetic_views.hpp"
+
+namespace sightline {
+namespace {
+
+using test::IsOk;
+using test::make_rig;
+using test::SyntheticRig;
+
+/// Errors over claimed sigmas, of all that was solved for.
+std::vector<double> normalized_errors(const SyntheticRig& rig, const RigSolution& solution) {
+  std::vector<double> z;
+  for (size_t c = 0; c < rig.truth.size(); ++c) {
+    const SolvedCamera& solved = solution.cameras[c];
+    const calibrate::LensVector truth = calibrate::lens_vector(rig.truth[c].model);
+    for (size_t i = 0; i < solved.estimates.size(); ++i) {
+      if (solved.lens_columns[i] == calibrate::kTimeOffset) continue;
+      const double error =
+          solved.estimates[i].value - truth[static_cast<size_t>(solved.lens_columns[i])];
+      z.push_back(error / solved.estimates[i].sigma);
+    }
+    if (!solved.has_place) continue;
+    const Vector6 d = difference(solved.camera.world_from_camera, rig.truth[c].world_from_camera);
+    const Vector6 sigma = solved.place_covariance().diagonal().cwiseSqrt();
+    for (int i = 0; i < 6; ++i) z.push_back(d[i] / sigma[i]);
+  }
+  return z;
+}
+
+void expect_honest(const SyntheticRig& rig, const RigSolution& solution) {
+  const std::vector<double> z = normalized_errors(rig, solution);
+  ASSERT_GT(z.size(), 8u);
+  double squares = 0;
+  size_t beyond = 0;
+  for (const double each : z) {
+    squares += each * each;
+    beyond += std::abs(each) > 3;
+    EXPECT_LT(std::abs(each), 4.5);
+  }
+  const double mean = squares / static_cast<double>(z.size());
+  EXPECT_GT(mean, 0.3) << "sigmas are claimed too large";
+  EXPECT_LT(mean, 2.5) << "sigmas are claimed too small";
+  EXPECT_LE(static_cast<double>(beyond), 1 + 0.01 * static_cast<double>(z.size()));
+}
+
+TEST(LensProjection, IsTheCameraModelsWithExactDerivatives) {
+  for (const LensModel lens :
+       {LensModel::kBrownConrady, LensModel::kRational, LensModel::kFisheye}) {
+    const SyntheticRig rig = make_rig({.cameras = 1, .sets = 1, .lens = lens});
+    const CameraModel& model = rig.truth[0].model;
+    const calibrate::LensVector values = calibrate::lens_vector(model);
+    for (const Eigen::Vector3d& p :
+         {Eigen::Vector3d(0.2, -0.1, 1.1), {-0.4, 0.25, 0.9}, {1e-12, 0, 2}, {0.3, 0.3, 0.7}}) {
+      Eigen::Vector2d pixel;
+      Eigen::Matrix<double, 2, 3> by_point;
+      Eigen::Matrix<double, 2, 12> by_lens;
+      ASSERT_TRUE(calibrate::project_lens(lens, values.data(), p, pixel, &by_point, &by_lens));
+      const auto expected = model.project(p);
+      ASSERT_TRUE(expected);
+      EXPECT_THAT(pixel, test::MatrixNear(*expected, 1e-9));
+      const auto at = [&](const calibrate::LensVector& v, const Eigen::Vector3d& q) {
+        Eigen::Vector2d out;
+        EXPECT_TRUE(calibrate::project_lens(lens, v.data(), q, out, nullptr, nullptr));
+        return out;
+      };
+      for (int i = 0; i < 3; ++i) {
+        const Eigen::Vector3d d = 1e-6 * Eigen::Vector3d::Unit(i);
+        EXPECT_THAT(by_point.col(i),
+                    test::MatrixNear((at(values, p + d) - at(values, p - d)) / 2e-6, 1e-3));
+      }
+      for (size_t i = 0; i < static_cast<size_t>(4 + calibrate::coefficient_count(lens)); ++i) {
+        calibrate::LensVector above = values, below = values;
+        above[i] += 1e-6;
+        below[i] -= 1e-6;
+        EXPECT_THAT(by_lens.col(static_cast<Eigen::Index>(i)),
+                    test::MatrixNear((at(above, p) - at(below, p)) / 2e-6, 1e-4));
+      }
+    }
+  }
+}
+
+TEST(SolveRig, OneCameraFromNothing) {
+  const SyntheticRig rig = make_rig({.cameras = 1, .sets = 25});
+  const auto solution = solve_rig(rig.views, {});
+  ASSERT_THAT(solution, IsOk());
+  EXPECT_NEAR(solution->sigma_px, 0.2, 0.02);
+  expect_honest(rig, *solution);
+}
+
+TEST(SolveRig, StereoPairKeepsItsClaims) {
+  for (uint64_t seed = 1; seed <= 3; ++seed) {
+    const SyntheticRig rig = make_rig({.cameras = 2, .sets = 30, .seed = seed});
+    const auto solution = solve_rig(rig.views, {});
+    ASSERT_THAT(solution, IsOk());
+    expect_honest(rig, *solution);
+  }
+}
+
+TEST(SolveRig, RingsKeepTheirClaims) {
+  for (const size_t cameras : {size_t{8}, size_t{16}}) {
+    const SyntheticRig rig = make_rig({.cameras = cameras, .sets = 4 * cameras, .seed = 7});
+    SolveOptions options;
+    options.reject_sigmas = 0;
+    const auto solution = solve_rig(rig.views, options);
+    ASSERT_THAT(solution, IsOk());
+    EXPECT_NEAR(solution->sigma_px, 0.2, 0.01);
+    expect_honest(rig, *solution);
+  }
+}
+
+TEST(SolveRig, OtherLenses) {
+  for (const LensModel lens : {LensModel::kRational, LensModel::kFisheye}) {
+    const bool fisheye = lens == LensModel::kFisheye;
+    const SyntheticRig rig = make_rig({.cameras = 2,
+                                       .sets = 40,
+                                       .lens = lens,
+                                       .focal = fisheye ? 420.0 : 800.0,
+                                       .nearest = fisheye ? 0.3 : 0.6});
+    SolveOptions options;
+    options.cameras.assign(2, {lens, std::nullopt});
+    const auto solution = solve_rig(rig.views, options);
+    ASSERT_THAT(solution, IsOk());
+    EXPECT_NEAR(solution->sigma_px, 0.2, 0.02);
+    // Coefficients of the rational lens trade among themselves; its images must agree.
+    for (size_t c = 0; c < 2; ++c) {
+      const CameraModel &truth = rig.truth[c].model, &found = solution->cameras[c].camera.model;
+      EXPECT_NEAR(found.parameters().fx, truth.parameters().fx,
+                  4 * solution->cameras[c].estimates[0].sigma);
+    }
+    if (fisheye) expect_honest(rig, *solution);
+  }
+}
+
+TEST(SolveRig, KnownLensesAreHeld) {
+  const SyntheticRig rig = make_rig({.cameras = 2, .sets = 10});
+  SolveOptions options;
+  for (const CalibratedCamera& c : rig.truth) {
+    options.cameras.push_back({c.model.parameters().lens, c.model});
+  }
+  const auto solution = solve_rig(rig.views, options);
+  ASSERT_THAT(solution, IsOk());
+  for (size_t c = 0; c < 2; ++c) {
+    EXPECT_EQ(solution->cameras[c].camera.model, rig.truth[c].model);
+    EXPECT_TRUE(solution->cameras[c].estimates.empty());
+  }
+  EXPECT_THAT(solution->cameras[1].camera.world_from_camera,
+              test::PoseNear(rig.truth[1].world_from_camera, 8e-4, 1.5e-3));
+}
+
+TEST(SolveRig, IsWrittenWithItsSigmas) {
+  const SyntheticRig rig = make_rig({.cameras = 2, .sets = 25});
+  const auto solution = solve_rig(rig.views, {});
+  ASSERT_THAT(solution, IsOk());
+  const std::string text = format_solution(*solution, "2024-05-31", "epoch 0123");
+  const auto back = parse_calibration(text, "calibration.toml");
+  ASSERT_THAT(back, IsOk());
+  ASSERT_EQ(back->size(), 2u);
+  EXPECT_EQ((*back)[1].model, solution->cameras[1].camera.model);
+  EXPECT_NE(text.find("# epoch 0123\n"), std::string::npos);
+  EXPECT_NE(text.find("date = 2024-05-31\n[camera.sigmas]\nfx = 0."), std::string::npos);
+}
+
+TEST(SolveRig, FindsTheBendOfTheTarget) {
+  const Eigen::Vector2d bend(0.003, -0.002);
+  const SyntheticRig rig = make_rig({.cameras = 2, .sets = 40, .bend = bend});
+  SolveOptions options;
+  const auto flat = solve_rig(rig.views, options);
+  ASSERT_THAT(flat, IsOk());
+  options.bend = true;
+  const auto bent = solve_rig(rig.views, options);
+  ASSERT_THAT(bent, IsOk());
+  EXPECT_GT(flat->rms_px, 1.3 * bent->rms_px);
+  for (int i = 0; i < 2; ++i) EXPECT_NEAR(bent->bend[i], bend[i], 4 * bent->bend_sigma[i]);
+  expect_honest(rig, *bent);
+}
+
+TEST(SolveRig, FindsLateStamps) {
+  const SyntheticRig rig = make_rig({.cameras = 2, .sets = 40, .offset_s = 0.03, .speed = 0.4});
+  SolveOptions options;
+  options.reject_sigmas = 0;
+  const auto plain = solve_rig(rig.views, options);
+  ASSERT_THAT(plain, IsOk());
+  options.time_offsets = true;
+  const auto timed = solve_rig(rig.views, options);
+  ASSERT_THAT(timed, IsOk());
+  EXPECT_GT(plain->rms_px, 3 * timed->rms_px);
+  EXPECT_NEAR(timed->cameras[1].time_offset_s, 0.03, 0.002);
+  EXPECT_EQ(timed->cameras[0].time_offset_s, 0);
+}
+
+TEST(SolveRig, LeavesOutWrongCorners) {
+  SyntheticRig rig = make_rig({.cameras = 2, .sets = 25});
+  size_t wrong = 0;
+  for (size_t v = 0; v < rig.views.views.size(); v += 3, ++wrong) {
+    rig.views.views[v].corners[7].pixel += Eigen::Vector2d(9, -6);
+  }
+  const auto solution = solve_rig(rig.views, {});
+  ASSERT_THAT(solution, IsOk());
+  EXPECT_GE(solution->rejected, wrong);
+  EXPECT_LE(solution->rejected, wrong + 5);
+  expect_honest(rig, *solution);
+}
+
+TEST(AssessRig, HeldOutErrorAndHalvesAreOfTheNoise) {
+  const SyntheticRig rig = make_rig({.cameras = 3, .sets = 45});
+  const auto solution = solve_rig(rig.views, {});
+  ASSERT_THAT(solution, IsOk());
+  const auto report = assess_rig(rig.views, {}, *solution);
+  ASSERT_THAT(report, IsOk());
+  ASSERT_TRUE(report->held_out_px);
+  // Noise of 0.2 px in each coordinate, and that of the prediction on top.
+  EXPECT_GT(*report->held_out_px, 0.28);
+  EXPECT_LT(*report->held_out_px, 0.45);
+  ASSERT_TRUE(report->rigidity);
+  EXPECT_LT(report->rigidity->rms_mm, 2);
+  EXPECT_NEAR(report->rigidity->scale, 1, 1e-3);
+  for (const CameraReport& camera : report->cameras) {
+    ASSERT_TRUE(camera.split_half);
+    EXPECT_LT(camera.split_half->median_px, 0.3);
+    ASSERT_TRUE(camera.sigma);
+    EXPECT_GT(camera.sigma->worst, camera.sigma->center);
+    EXPECT_LT(camera.sigma->center, 0.1);
+    EXPECT_FALSE(camera.remarks.empty());
+  }
+  EXPECT_GE(report->links.size(), 2u);
+  const std::string html = report_html(rig.views, *solution, *report, "0123");
+  for (const char* part : {"cam0", "cam2", "<svg", "One sigma of projection", "0123"}) {
+    EXPECT_NE(html.find(part), std::string::npos) << part;
+  }
+  EXPECT_EQ(html.find("http"), std::string::npos) << "needs something beside it";
+  EXPECT_NE(report_json(rig.views, *solution, *report, "0123").find("\"held_out_px\""),
+            std::string::npos);
+}
+
+// A wrong place of one camera shows in what it predicts, though no fit is made.
+TEST(AssessRig, HeldOutErrorShowsAMovedCamera) {
+  const SyntheticRig rig = make_rig({.cameras = 3, .sets = 30});
+  auto solution = solve_rig(rig.views, {});
+  ASSERT_THAT(solution, IsOk());
+  const std::vector<char> all(rig.views.sets, 1);
+  const HeldOut before = held_out_error(rig.views, *solution, all);
+  Rigid3& place = solution->cameras[2].camera.world_from_camera;
+  place = place * Rigid3::exp((Vector6() << 0, 0.01, 0, 0, 0, 0).finished());
+  const HeldOut after = held_out_error(rig.views, *solution, all);
+  ASSERT_TRUE(before.by_camera[2] && after.by_camera[2]);
+  EXPECT_GT(*after.by_camera[2], 10 * *before.by_camera[2]);
+}
+
+}  // namespace
+}  // namespace sightline
