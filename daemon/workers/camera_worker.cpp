@@ -384,6 +384,7 @@ void CameraWorker::draw_one(const FramePtr& frame, DrawStage& stage) {
   // The observer needs the shared image anyway.
   if (observes_) frame->i420();
   frame->copy_i420_to(image->mutable_view());
+  offer_clean(*frame);
   stage.board->read(draw_tracks_);
   annotated_.frame = frame->info();
   const OcclusionDepthPtr hidden = hidden_.read();
@@ -394,6 +395,14 @@ void CameraWorker::draw_one(const FramePtr& frame, DrawStage& stage) {
   draw_seconds_.set(to_seconds(MonotonicClock::now() - start));
   parts_.output->accept(annotated_);
   annotated_.image.reset();
+}
+
+void CameraWorker::offer_clean(const Frame& frame) {
+  PictureSlot& pictures = parts_.output->pictures();
+  if (!pictures.wanted(PictureKind::kClean)) return;
+  std::shared_ptr<Image> clean = images_.get();
+  frame.copy_i420_to(clean->mutable_view());
+  pictures.offer(PictureKind::kClean, std::move(clean), frame.info());
 }
 
 bool CameraWorker::present() const {
@@ -407,6 +416,10 @@ CameraStatus CameraWorker::status() const {
   status.frames = frames_.value();
   status.lost = lost_.value();
   status.capture_error_s = capture_error_.value();
+  status.latency_s = capture_age_.value();
+  status.draw_s = draw_seconds_.value();
+  status.not_observed = observe_dropped_.value();
+  status.not_drawn = draw_dropped_.value();
   const Time arrival = last_arrival_;
   if (arrival != Time{}) status.frame_age_s = to_seconds(MonotonicClock::now() - arrival);
   const auto lost_since = signal_.lost_since(MonotonicClock::now());

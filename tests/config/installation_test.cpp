@@ -304,7 +304,7 @@ keyframe_interval = 15
 prefer = ["vah264enc", "x264enc"]
 [http]
 address = "::"
-allow_remote = true
+open = true
 port = 81
 [record]
 enabled = true

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <stop_token>
@@ -25,6 +26,11 @@ struct RtspOptions {
   /// The same for connections from one address. 0: three quarters of max_clients for other hosts,
   /// all for this one.
   int max_clients_per_address = 0;
+
+  /// Who may watch: the names are user names, their tokens the passwords of digest authentication
+  /// (sightline/control/access.hpp). Empty: everybody who reaches the address.
+  std::filesystem::path tokens;
+  uint64_t tokens_content = 0;  ///< hash of that file, so that new tokens are a difference
 
   bool operator==(const RtspOptions&) const = default;
 };
