@@ -9,11 +9,13 @@ import { Plot } from "./plot";
 import { Tile } from "./tiles";
 
 const MOST_EVENTS = 200;
+const SILENT_MS = 3000;  // the state comes every second
 const THEMES = ["automatic", "light", "dark"] as const;
 
 class Page {
   private state: State | null = null;
   private linked = false;
+  private heard = 0;  // [ms] when the daemon last said its state
   private readonly tiles = new Map<string, Tile>();
   private readonly objects = new Map<string, ObjectCard>();
   private readonly plots = new Map<string, { accuracy: Plot; place: Plot }>();
@@ -44,22 +46,23 @@ class Page {
   }
 
   private setLink(up: boolean): void {
-    const link = byId("link");
     if (up !== this.linked) this.tell(up ? "connected to the daemon" : "connection to the daemon lost");
     this.linked = up;
-    setText(link, up ? "connected" : "not connected");
-    link.className = "chip " + (up ? "good" : "bad");
+    this.heard = Date.now();
+    setText(byId("link"), up ? "connected" : "not connected");
+    byId("link").className = "chip " + (up ? "good" : "bad");
   }
 
   private takeState(state: State): void {
     this.state = state;
+    this.heard = Date.now();
     this.clock = Math.min(this.clock + 0.1, Date.now() - state.utc_ns / 1e6);
     setText(byId("name"), state.name || "Sightline");
     document.title = `${state.name || "Sightline"} – Sightline`;
     const refused = state.config.refused;
     show(byId("banner"), refused ? `The newest configuration was refused; that of ${state.config.loaded} stays in force.\n${refused.problem}` : "");
     this.tellChange("configuration", refused ? `refused ${refused.at}` : state.config.loaded,
-      refused ? "the newest configuration was refused" : `configuration of ${state.config.loaded} in force`);
+      refused ? "the newest configuration was refused" : `configuration of ${state.config.loaded.replace("T", " ")} in force`);
     this.syncTiles([...state.cameras.filter((camera) => camera.streams), ...state.virtual_cameras]);
     this.syncObjects(state.objects);
     for (const camera of state.cameras) {
@@ -212,9 +215,20 @@ class Page {
   }
 
   private refresh(): void {
+    // A daemon that hangs keeps its connection: silence is what tells.
+    const silent = this.linked && Date.now() - this.heard > SILENT_MS;
+    const link = byId("link");
+    if (silent) {
+      setText(link, `silent for ${((Date.now() - this.heard) / 1000).toFixed(0)} s`);
+      link.className = "chip bad";
+    } else if (this.linked) {
+      setText(link, "connected");
+      link.className = "chip good";
+    }
+    for (const card of this.objects.values()) card.silent = silent || !this.linked;
     const cameras = this.state ? [...this.state.cameras, ...this.state.virtual_cameras] : [];
-    for (const card of this.objects.values()) this.tellLasting(card);
-    for (const camera of cameras) this.tiles.get(camera.name)?.update(camera, this.linked);
+    for (const card of this.objects.values()) if (!card.silent) this.tellLasting(card);
+    for (const camera of cameras) this.tiles.get(camera.name)?.update(camera, this.linked && !silent);
     for (const { accuracy, place } of this.plots.values()) {
       accuracy.draw();
       place.draw();

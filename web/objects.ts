@@ -27,6 +27,7 @@ export interface ObjectOwner {
 export class ObjectCard {
   readonly element = make("article", "object");
   state: TrackState = "searching";
+  private quiet = false;
   private readonly lately: { time: number; pose: Pose }[] = [];
   private readonly chip = make("span", "chip");
   private readonly why = make("p", "why");
@@ -56,6 +57,20 @@ export class ObjectCard {
     this.why.hidden = true;
     this.element.append(head, this.why, this.facts, buttons);
   }
+
+  /** The daemon says nothing any more: what it said last is no news of where the object is. */
+  set silent(on: boolean) {
+    if (on === this.quiet) return;
+    this.quiet = on;
+    if (on) {
+      setText(this.chip, "? not known");
+      this.chip.className = "chip";
+      show(this.why, "the daemon is silent; what follows is the last that it said");
+    } else if (this.lately.length > 0) {
+      this.say(this.lately[this.lately.length - 1].pose);
+    }
+  }
+  get silent(): boolean { return this.quiet; }
 
   set pointing(on: boolean) { this.look.setAttribute("aria-pressed", String(on)); }
 

@@ -8,6 +8,7 @@ import os
 import re
 import signal
 import socket
+import subprocess
 import time
 import unittest
 
@@ -278,6 +279,14 @@ class Roles(DaemonCase):
         self.assertEqual(wall.post("/api/v1/objects/carton/forget")[0], 403)
         self.assertEqual(anna.post("/api/v1/objects/carton/forget")[0], 202)
         self.assertEqual(Client(port, {"Authorization": "Bearer no-such-token-here"}).get("/metrics")[0], 401)
+        rtsp = lambda user: subprocess.run(
+            ["ffmpeg", "-nostdin", "-loglevel", "error", "-rtsp_transport", "tcp", "-i", f"rtsp://{user}127.0.0.1:{daemon.rtsp}/left",
+             "-frames:v", "3", "-f", "null", "-"], timeout=WAIT_S, capture_output=True, check=False)
+        self.assertEqual(rtsp("wall:0123456789abcdef-wall@").returncode, 0)
+        for nobody in ("", "wall:0123456789abcdef-anna@", "nobody:0123456789abcdef-wall@"):
+            done = rtsp(nobody)
+            self.assertNotEqual(done.returncode, 0, nobody)
+            self.assertIn(b"401", done.stderr)
         # New tokens come with a reload, which HTTP survives at its port.
         self.tokens("anna operator another-0123456789abcdef\n")
         daemon.process.send_signal(signal.SIGHUP)

@@ -89,6 +89,8 @@ class Page(DaemonCase):
         try:
             browser.wait_for("document.querySelectorAll('.stale').length === 3", "all are gray")
             browser.wait_for("/no picture for \\d+ s/.test(document.querySelector('.note').textContent)", "it says how long")
+            browser.wait_for("/not known/.test(document.querySelector('[data-object=carton] .chip').textContent)", "nor is the state")
+            browser.wait_for("/^silent for/.test(document.getElementById('link').textContent)", "and why")
             self.shot(browser, "stale")
         finally:
             daemon.process.send_signal(signal.SIGCONT)
