@@ -380,11 +380,12 @@ void CameraWorker::draw_points(const MutableI420View& image, Time capture, const
 
 void CameraWorker::draw_one(const FramePtr& frame, DrawStage& stage) {
   const Time start = MonotonicClock::now();
-  std::shared_ptr<Image> image = images_.get();
   // The observer needs the shared image anyway.
   if (observes_) frame->i420();
-  frame->copy_i420_to(image->mutable_view());
   offer_clean(*frame);
+  if (!parts_.output->wants_annotated()) return;
+  std::shared_ptr<Image> image = images_.get();
+  frame->copy_i420_to(image->mutable_view());
   stage.board->read(draw_tracks_);
   annotated_.frame = frame->info();
   const OcclusionDepthPtr hidden = hidden_.read();

@@ -31,6 +31,10 @@ class StreamOutput : public ImageSink {
   ~StreamOutput() override;
 
   bool wanted() const override { return stream_->read()->wanted() || pictures_->wanted(); }
+  /// Somebody wants what accept() takes, and not only pictures without annotation.
+  bool wants_annotated() const {
+    return stream_->read()->wanted() || pictures_->wanted(PictureKind::kAnnotated);
+  }
   /// From the drawing thread only.
   void accept(const AnnotatedImage& image) override;
   /// Brings the counters up to date; from the drawing thread, also when there is nothing to draw.
