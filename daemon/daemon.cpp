@@ -234,8 +234,12 @@ std::vector<std::string> Daemon::addresses() const {
   }
   for (const auto& view : system->views) out.push_back(view->output()->url());
   if (system->http) {
-    out.push_back(
-        fmt::format("http://{}:{}/metrics", system->http->options().address, system->http->port()));
+    const std::string& address = system->http->options().address;
+    const bool v6 = address.find(':') != std::string::npos;
+    const std::string host = "http://" + (v6 ? "[" + address + "]" : address) + ":" +
+                             std::to_string(system->http->port());
+    out.push_back(host + "/");
+    out.push_back(host + "/metrics");
   }
   return out;
 }

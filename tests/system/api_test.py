@@ -245,6 +245,16 @@ class Orders(DaemonCase):
         self.assertIn("refused", daemon.state()["config"])
         self.assertEqual(daemon.stop(), 0)
 
+    def test_a_hint_is_taken_for_an_object_that_is_searched_for(self):
+        path = self.write("plain.toml", f'name = "plain"\nmesh = "{BENCH}/objects/carton.obj"\nunit = "m"\n')
+        daemon = self.start(installation().replace(f"{BENCH}/objects/carton.toml", path))
+        client = Client(daemon.http)
+        for body in ({"camera": "left", "x": 320, "y": 240}, {"camera": "left", "x": 320, "y": 240, "radius_px": 20},
+                     {"translation_m": [0, 0, 0.3], "rotation_wxyz": [1, 0, 0, 0]}):
+            self.assertEqual(client.post("/api/v1/objects/plain/hint", body), (202, {}), body)
+        self.assertEqual(client.post("/api/v1/objects/plain/hint", {"camera": "left", "x": 1, "y": 1, "radius_px": 0})[0], 400)
+        self.assertEqual(daemon.stop(), 0)
+
     def test_a_hint_is_judged_by_what_there_is(self):
         daemon = self.start()
         client = Client(daemon.http)
