@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "control_thread.hpp"
 
+#include <signal.h>
+#include <unistd.h>
+
 #include <exception>
 
 #include "sightline/base/log.hpp"
@@ -13,7 +16,10 @@ Result<std::unique_ptr<Daemon>> start_daemon(const std::filesystem::path& file,
                                              const std::stop_token& stop) {
   try {
     SL_ASSIGN(Installation installation, read_installation(file));
-    return Daemon::start(std::move(installation), {}, stop);
+    DaemonOptions options;
+    // As `systemctl reload` does, so that the service manager is told of it in the same way.
+    options.request_reload = [] { (void)::kill(::getpid(), SIGHUP); };
+    return Daemon::start(std::move(installation), options, stop);
   } catch (const std::exception& exception) {
     return make_error(ErrorCode::kInternal, file.string(), "unexpected: {}", exception.what());
   }

@@ -10,6 +10,7 @@
 #include "sightline/base/log_output.hpp"
 #include "system/system_exchange.hpp"
 #include "system/system_status.hpp"
+#include "web/content.hpp"
 
 namespace sightline {
 
@@ -37,15 +38,16 @@ Error stopping_error() {
 
 }  // namespace
 
-Daemon::Daemon(const DaemonOptions& options)
+Daemon::Daemon(const DaemonOptions& options, std::shared_ptr<HttpWaker> waker)
     : options_(options),
+      waker_(std::move(waker)),
       context_{options.record_to,
                registry_,
                beats_,
                sources_,
                std::make_shared<FrameTaps>(),
-               {&registry_, [this] { return health(); },
-                [this] { return state_json(*system_.read(), *config_.read(), waits()); }}} {
+               std::make_shared<PoseFeed>(registry_, waker_),
+               nullptr} {
   system_.publish(std::make_shared<const System>());
   config_.publish(std::make_shared<const ConfigReport>());
   count_lost_messages();
@@ -55,12 +57,28 @@ Daemon::~Daemon() { (void)stop(); }
 
 Result<std::unique_ptr<Daemon>> Daemon::start(Installation installation,
                                               const DaemonOptions& options, std::stop_token stop) {
-  std::unique_ptr<Daemon> daemon(new Daemon(options));
+  SL_ASSIGN(auto waker, HttpWaker::create());
+  std::unique_ptr<Daemon> daemon(new Daemon(options, std::move(waker)));
+  SL_RETURN_IF_ERROR(daemon->prepare_web());
   const std::filesystem::path file = installation.file;
   const std::string content = installation.content;
   SL_RETURN_IF_ERROR(guarded([&] { return daemon->replace(std::move(installation), stop); }));
   daemon->note_loaded(file, content);
   return daemon;
+}
+
+Status Daemon::prepare_web() {
+  SL_ASSIGN(context_.pictures, PictureBoard::start(registry_, beats_, waker_));
+  context_.http = web_content({.registry = &registry_,
+                               .health = [this] { return health(); },
+                               .system = [this] { return system_.read(); },
+                               .config = [this] { return config_.read(); },
+                               .waits = [this] { return waits(); },
+                               .request_reload = options_.request_reload,
+                               .poses = context_.poses,
+                               .pictures = context_.pictures,
+                               .waker = waker_});
+  return {};
 }
 
 Status Daemon::reload(const std::filesystem::path& file, std::stop_token stop) {
@@ -216,8 +234,12 @@ std::vector<std::string> Daemon::addresses() const {
   }
   for (const auto& view : system->views) out.push_back(view->output()->url());
   if (system->http) {
-    out.push_back(
-        fmt::format("http://{}:{}/metrics", system->http->options().address, system->http->port()));
+    const std::string& address = system->http->options().address;
+    const bool v6 = address.find(':') != std::string::npos;
+    const std::string host = "http://" + (v6 ? "[" + address + "]" : address) + ":" +
+                             std::to_string(system->http->port());
+    out.push_back(host + "/");
+    out.push_back(host + "/metrics");
   }
   return out;
 }

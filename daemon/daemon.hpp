@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <stop_token>
@@ -22,6 +23,9 @@ struct DaemonOptions {
   std::filesystem::path record_to{};
   /// Serves streams and HTTP; `sightline record` does without.
   bool serve = true;
+  /// Called when the HTTP interface is asked for a reload, on its thread; must not wait. Empty:
+  /// that is refused.
+  std::function<void()> request_reload{};
 };
 
 /// The system that runs, and its replacement by another. start() and reload() may take as long as
@@ -67,7 +71,8 @@ class Daemon {
   void count_lost_messages();
 
  private:
-  explicit Daemon(const DaemonOptions& options);
+  Daemon(const DaemonOptions& options, std::shared_ptr<HttpWaker> waker);
+  Status prepare_web();
   Status replace(Installation next, std::stop_token stop);
   Status exchange(const System& old, SystemDraft draft);
   void publish(SystemExchange& exchange, const System& old);
@@ -83,7 +88,8 @@ class Daemon {
   Registry registry_;
   HeartbeatBoard beats_;
   SourceFactory sources_{registry_};
-  const SystemContext context_;
+  const std::shared_ptr<HttpWaker> waker_;
+  SystemContext context_;  // complete after prepare_web()
 
   WaitReport wait_report_{registry_};
   Snapshot<const System> system_;        // never null inside

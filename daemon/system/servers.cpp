@@ -2,6 +2,7 @@
 #include "system/servers.hpp"
 
 #include "sightline/base/thread.hpp"
+#include "sightline/control/access.hpp"
 
 namespace sightline {
 namespace {
@@ -18,7 +19,12 @@ Result<std::shared_ptr<RtspService>> RtspService::start(const RtspOptions& optio
 }
 
 Status RtspService::resume() {
-  SL_ASSIGN(server_, RtspServer::create(options_));
+  RtspOptions options = options_;
+  if (!options.tokens.empty()) {
+    SL_ASSIGN(const auto tokens, read_tokens(options.tokens));
+    for (const AccessToken& token : tokens) options.users.push_back({token.name, token.secret});
+  }
+  SL_ASSIGN(server_, RtspServer::create(options));
   thread_ = start_watched_thread(beats_, "rtsp", kStallLimit,
                                  [raw = server_.get()](std::stop_token stop, Heartbeat& beat) {
                                    raw->run(std::move(stop), [&beat] { beat.beat(); });

@@ -71,12 +71,15 @@ Result<SystemDraft> SystemBuilder::prepare(Installation next, std::stop_token st
   SL_RETURN_IF_ERROR(check_not_stopped(stop));
   if (draft.plan.fusion || !old_.fusion) {
     system.board = std::make_shared<TrackBoard>(system.rig->objects.size());
-    const auto to_recorder = [taps = context_.taps](const PoseEstimate& estimate) {
+    const auto hear = [taps = context_.taps, poses = context_.poses](const PoseEstimate& estimate,
+                                                                     FusionWorker::Cause cause) {
+      poses->push(estimate);
+      if (cause != FusionWorker::Cause::kFrame) return;
       if (const auto recorder = taps->recorder.read()) recorder->push(estimate);
     };
     SL_ASSIGN(system.fusion,
               FusionWorker::start(now.estimator, system.rig->names(), system.rig->shape_symmetry(),
-                                  system.board, context_.registry, context_.beats, to_recorder));
+                                  system.board, context_.registry, context_.beats, hear));
     system.fusion_cameras.clear();
   }
   system.fusion_cameras.resize(std::max(system.fusion_cameras.size(), now.cameras.size()));

@@ -12,6 +12,8 @@
 #include "sightline/pipeline/source_factory.hpp"
 #include "system/reload_plan.hpp"
 #include "system/system.hpp"
+#include "web/picture_board.hpp"
+#include "web/pose_feed.hpp"
 
 namespace sightline {
 
@@ -40,7 +42,9 @@ struct SystemContext {
   HeartbeatBoard& beats;
   SourceFactory& sources;
   std::shared_ptr<FrameTaps> taps;
-  HttpContent http;
+  std::shared_ptr<PoseFeed> poses;
+  std::shared_ptr<PictureBoard> pictures;
+  HttpContent http{};
 };
 
 /// Makes a system for an installation beside the one that runs. Threads: any, one at a time.

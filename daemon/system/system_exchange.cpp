@@ -74,6 +74,7 @@ Status SystemExchange::switch_over() {
   stop_leaving();
   exchange_stages();
   if (old_.fusion && next_.fusion != old_.fusion) old_.fusion->stop();
+  rename_poses();
   SL_RETURN_IF_ERROR(move_streams());
   SL_RETURN_IF_ERROR(start_cameras());
   SL_RETURN_IF_ERROR(start_views());
@@ -164,6 +165,14 @@ void SystemExchange::exchange_stages() {
   }
 }
 
+void SystemExchange::rename_poses() {
+  FeedNames names;
+  for (const RigObject& object : next_.rig->objects) names.objects.push_back(object.named.name);
+  for (const CameraConfig& camera : next_.installation.cameras)
+    names.cameras.push_back(camera.name);
+  context_.poses->rename(std::move(names));
+}
+
 Result<std::shared_ptr<RtspStream>> SystemExchange::add_stream(const std::string& name,
                                                                const EncoderOptions& options) {
   return next_.rtsp->server().add_stream(name, {options.width, options.height, options.rate_hz});
@@ -187,7 +196,7 @@ Result<std::shared_ptr<StreamOutput>> SystemExchange::output_of(const std::strin
   }
   SL_ASSIGN(auto stream, add_stream(name, options));
   return StreamOutput::create(name, options, next_.rig->names(), std::move(stream),
-                              context_.registry);
+                              context_.pictures->slot(name), context_.registry);
 }
 
 // Of workers that go on, to a server that is another now.
@@ -270,6 +279,8 @@ void SystemExchange::retire_old() {
   if (old_.rtsp && old_.rtsp != next_.rtsp) old_.rtsp->stop();
   if (old_.http && old_.http != next_.http) old_.http->stop();
   Registry& registry = context_.registry;
+  const std::set<std::string> streams = stream_names(next_.installation);
+  context_.pictures->keep_only({streams.begin(), streams.end()});
   remove_metrics(registry, old_.installation, next_.installation);
   if (old_.recorder && old_.recorder != next_.recorder) (void)old_.recorder->stop();
   if (!next_.recorder) {

@@ -42,6 +42,7 @@ class SystemExchange {
   void stop_leaving();
   void keep_output(const std::shared_ptr<StreamOutput>& output, const std::string& name, bool ends);
   void exchange_stages();
+  void rename_poses();
   Status start_cameras();
   Status start_views();
   void start_search();

@@ -4,7 +4,8 @@
 #include <cmath>
 #include <ctime>
 #include <nlohmann/json.hpp>
-#include <numbers>
+
+#include "web/pose_json.hpp"
 
 namespace sightline {
 namespace {
@@ -24,12 +25,21 @@ Json camera_json(const CameraWorker& camera) {
   const CameraStatus status = camera.status();
   const auto& output = camera.output();
   Json json{{"name", camera.name()},
+            {"width", camera.width()},
+            {"height", camera.height()},
+            {"observes", camera.observes()},
+            {"streams", output != nullptr},
             {"present", status.present},
             {"frames", status.frames},
             {"frames_lost", status.lost},
             {"rate_hz", std::round(status.rate_hz * 100) / 100},
             {"capture_error_s", status.capture_error_s},
-            {"viewers", output ? output->viewers() : 0}};
+            {"capture_latency_s", status.latency_s},
+            {"draw_s", status.draw_s},
+            {"not_observed", status.not_observed},
+            {"not_drawn", status.not_drawn},
+            {"viewers", output ? output->viewers() : 0},
+            {"picture_viewers", output ? output->pictures().watchers() : 0}};
   if (status.frame_age_s >= 0) json["frame_age_s"] = status.frame_age_s;
   if (output) json["url"] = output->url();
   const std::string encoder = output ? output->encoder_name() : "";
@@ -37,19 +47,6 @@ Json camera_json(const CameraWorker& camera) {
   if (!status.present) json["no_signal_since"] = utc_text(utc_ns_of(status.lost_since));
   if (!status.problem.empty()) json["problem"] = status.problem;
   return json;
-}
-
-// Why it is not `tracking`, and where it is weak.
-void add_reasons(const PoseEstimate& estimate, Json& json) {
-  const auto numbers = [](const Eigen::Vector3d& v) { return Json{v.x(), v.y(), v.z()}; };
-  json["reasons"] = Json::array();
-  for (int bit = 0; bit < 16; ++bit) {
-    const auto one = static_cast<DegradedReasons>(estimate.degraded_reasons & (1u << bit));
-    if (one != 0) json["reasons"].push_back(to_string(one, ""));
-  }
-  if (estimate.degraded_reasons & kWeakPosition)
-    json["weak_direction"] = numbers(estimate.weak_direction());
-  if (estimate.degraded_reasons & kWeakRotation) json["weak_axis"] = numbers(estimate.weak_axis());
 }
 
 Json object_json(const NamedObject& object, const PoseTrackPtr& track,
@@ -60,29 +57,15 @@ Json object_json(const NamedObject& object, const PoseTrackPtr& track,
     return json;
   }
   const PoseEstimate& newest = track->newest();
-  json["state"] = to_string(newest.state);
+  add_estimate(newest, camera_names, json);
   if (!has_pose(newest.state)) return json;
-  const auto& t = newest.world_from_object.translation;
-  const auto& q = newest.world_from_object.rotation;
-  json["t_ns"] = to_ns(newest.time);
-  json["utc_ns"] = utc_ns_of(newest.time);
-  json["translation_m"] = {t.x(), t.y(), t.z()};
-  json["rotation_wxyz"] = {q.w(), q.x(), q.y(), q.z()};
-  json["sigma_t_mm"] = newest.sigma_translation() * 1e3;
-  json["sigma_r_deg"] = newest.sigma_rotation() * 180 / std::numbers::pi;
-  if (newest.degraded_reasons != 0) add_reasons(newest, json);
+  json["age_s"] = to_seconds(MonotonicClock::now() - newest.time);
   if (check != nullptr && check->on_object > 0) {
     json["points"] = {{"on_object", check->on_object},
                       {"rms_mm", check->rms_m * 1e3},
                       {"median_mm", check->median_m * 1e3},
                       {"age_s", to_seconds(newest.time - check->time)},
                       {"contradicts", check->contradicts}};
-  }
-  json["cameras"] = Json::array();
-  for (size_t i = 0; i < camera_names.size(); ++i) {
-    if (newest.cameras & camera_bit(CameraId(static_cast<uint32_t>(i)))) {
-      json["cameras"].push_back(camera_names[i]);
-    }
   }
   return json;
 }
@@ -150,26 +133,92 @@ std::string status_line(const System& system, const ConfigReport& config,
   return line;
 }
 
-std::string state_json(const System& system, const ConfigReport& config,
-                       const std::vector<ThreadWait>& waits) {
-  Json json{{"name", system.installation.name}, {"config", config_json(config)}};
-  if (system.recorder) json["recording"] = recording_json(system.recorder->status());
-  for (const ThreadWait& wait : waits) json["waiting"].push_back(wait_json(wait));
-  json["cameras"] = Json::array();
-  json["objects"] = Json::array();
+namespace {
+
+Json cameras_array(const System& system) {
+  Json cameras = Json::array();
+  for (const auto& camera : system.cameras) cameras.push_back(camera_json(*camera));
+  return cameras;
+}
+
+Json objects_array(const System& system) {
+  Json objects = Json::array();
   std::vector<std::string> camera_names;
-  for (const auto& camera : system.cameras) {
-    json["cameras"].push_back(camera_json(*camera));
-    camera_names.push_back(camera->name());
-  }
+  for (const auto& camera : system.cameras) camera_names.push_back(camera->name());
   std::vector<PoseTrackPtr> tracks;
   if (system.board) system.board->read(tracks);
   const auto checks = system.points ? system.points->checks() : std::vector<PointCheck>();
   for (size_t i = 0; i < tracks.size(); ++i) {
-    json["objects"].push_back(object_json(system.rig->objects[i].named, tracks[i], camera_names,
-                                          i < checks.size() ? &checks[i] : nullptr));
+    objects.push_back(object_json(system.rig->objects[i].named, tracks[i], camera_names,
+                                  i < checks.size() ? &checks[i] : nullptr));
   }
-  return json.dump(2) + "\n";
+  return objects;
+}
+
+Json views_array(const System& system) {
+  Json views = Json::array();
+  for (const auto& view : system.views) {
+    const StreamOutput& output = *view->output();
+    views.push_back({{"name", view->name()},
+                     {"width", output.options().width},
+                     {"height", output.options().height},
+                     {"viewers", output.viewers()},
+                     {"picture_viewers", output.pictures().watchers()},
+                     {"url", output.url()}});
+  }
+  return views;
+}
+
+}  // namespace
+
+std::string state_json(const System& system, const ConfigReport& config,
+                       const std::vector<ThreadWait>& waits, Layout layout) {
+  Json json{{"name", system.installation.name},
+            {"utc_ns", utc_now_ns()},
+            {"config", config_json(config)}};
+  if (system.recorder) json["recording"] = recording_json(system.recorder->status());
+  for (const ThreadWait& wait : waits) json["waiting"].push_back(wait_json(wait));
+  json["cameras"] = cameras_array(system);
+  json["virtual_cameras"] = views_array(system);
+  json["objects"] = objects_array(system);
+  return layout == Layout::kLines ? json.dump(2) + "\n" : json.dump();
+}
+
+std::string cameras_json(const System& system) { return cameras_array(system).dump(2) + "\n"; }
+std::string objects_json(const System& system) { return objects_array(system).dump(2) + "\n"; }
+
+std::optional<std::string> camera_json(const System& system, const std::string& name) {
+  for (const auto& camera : system.cameras) {
+    if (camera->name() == name) return camera_json(*camera).dump(2) + "\n";
+  }
+  return std::nullopt;
+}
+
+std::optional<std::string> object_json(const System& system, const std::string& name) {
+  for (const Json& object : objects_array(system)) {
+    if (object["name"] == name) return object.dump(2) + "\n";
+  }
+  return std::nullopt;
+}
+
+std::string poses_json(const System& system) {
+  std::vector<PoseTrackPtr> tracks;
+  if (system.board) system.board->read(tracks);
+  FeedNames names;
+  for (const auto& camera : system.cameras) names.cameras.push_back(camera->name());
+  for (const RigObject& object : system.rig->objects) names.objects.push_back(object.named.name);
+  std::string text = "[";
+  for (size_t i = 0; i < tracks.size(); ++i) {
+    PoseEstimate estimate;
+    if (tracks[i] && !tracks[i]->empty()) {
+      estimate = tracks[i]->newest();
+    } else {
+      estimate.object = ObjectId(static_cast<uint32_t>(i));
+      estimate.time = MonotonicClock::now();
+    }
+    text += (i > 0 ? ",\n " : "") + pose_event_json(estimate, names);
+  }
+  return text + "]\n";
 }
 
 }  // namespace sightline

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,8 +15,18 @@ namespace sightline {
 std::string status_line(const System& system, const ConfigReport& config,
                         const std::vector<ThreadWait>& waits);
 
-/// What /api/state says (docs/operation.md).
+/// For people, or for a line of a stream.
+enum class Layout { kLines, kOneLine };
+
+/// What /api/v1/state and the others say (docs/api.md). The system has been started.
 std::string state_json(const System& system, const ConfigReport& config,
-                       const std::vector<ThreadWait>& waits);
+                       const std::vector<ThreadWait>& waits, Layout layout = Layout::kLines);
+std::string cameras_json(const System& system);
+std::string objects_json(const System& system);
+/// One of them; nullopt where none has that name.
+std::optional<std::string> camera_json(const System& system, const std::string& name);
+std::optional<std::string> object_json(const System& system, const std::string& name);
+/// The newest estimate of every object.
+std::string poses_json(const System& system);
 
 }  // namespace sightline

@@ -380,9 +380,11 @@ void CameraWorker::draw_points(const MutableI420View& image, Time capture, const
 
 void CameraWorker::draw_one(const FramePtr& frame, DrawStage& stage) {
   const Time start = MonotonicClock::now();
-  std::shared_ptr<Image> image = images_.get();
   // The observer needs the shared image anyway.
   if (observes_) frame->i420();
+  offer_clean(*frame);
+  if (!parts_.output->wants_annotated()) return;
+  std::shared_ptr<Image> image = images_.get();
   frame->copy_i420_to(image->mutable_view());
   stage.board->read(draw_tracks_);
   annotated_.frame = frame->info();
@@ -396,6 +398,14 @@ void CameraWorker::draw_one(const FramePtr& frame, DrawStage& stage) {
   annotated_.image.reset();
 }
 
+void CameraWorker::offer_clean(const Frame& frame) {
+  PictureSlot& pictures = parts_.output->pictures();
+  if (!pictures.wanted(PictureKind::kClean)) return;
+  std::shared_ptr<Image> clean = images_.get();
+  frame.copy_i420_to(clean->mutable_view());
+  pictures.offer(PictureKind::kClean, std::move(clean), frame.info());
+}
+
 bool CameraWorker::present() const {
   const auto lost_since = signal_.lost_since(MonotonicClock::now());
   std::lock_guard lock(mutex_);
@@ -407,6 +417,10 @@ CameraStatus CameraWorker::status() const {
   status.frames = frames_.value();
   status.lost = lost_.value();
   status.capture_error_s = capture_error_.value();
+  status.latency_s = capture_age_.value();
+  status.draw_s = draw_seconds_.value();
+  status.not_observed = observe_dropped_.value();
+  status.not_drawn = draw_dropped_.value();
   const Time arrival = last_arrival_;
   if (arrival != Time{}) status.frame_age_s = to_seconds(MonotonicClock::now() - arrival);
   const auto lost_since = signal_.lost_since(MonotonicClock::now());

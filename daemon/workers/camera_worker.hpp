@@ -74,9 +74,12 @@ struct CameraStatus {
   double frame_age_s = -1;     ///< since the newest frame arrived; -1: none yet
   double rate_hz = 0;          ///< of the frames that come, averaged over about a second
   double capture_error_s = 0;  ///< bound on the error of the newest capture time; 0: not known
+  double latency_s = 0;        ///< of the newest frame: middle of exposure to arrival
+  double draw_s = 0;           ///< copying and drawing the newest frame that was shown
   uint64_t lost = 0;           ///< frames that did not reach us
-  std::string problem;         ///< why the source is not there
-  Time lost_since{};           ///< without signal: when the last frame came, or the worker started
+  uint64_t not_observed = 0, not_drawn = 0;  ///< frames that those threads had no time for
+  std::string problem;                       ///< why the source is not there
+  Time lost_since{};  ///< without signal: when the last frame came, or the worker started
 };
 
 /// One camera: the threads that capture ("cap:NAME"), observe ("obs:NAME") and draw ("draw:NAME"),
@@ -101,6 +104,9 @@ class CameraWorker {
   CameraStatus status() const;
   bool present() const;  ///< CameraStatus::present
   const std::string& name() const { return parts_.name; }
+  int width() const { return parts_.width; }
+  int height() const { return parts_.height; }
+  bool observes() const { return observes_; }
   const std::shared_ptr<StreamOutput>& output() const { return parts_.output; }
 
  private:
@@ -116,6 +122,7 @@ class CameraWorker {
   void learn(const Frame& frame, ObserveStage& stage);
   void draw(std::stop_token stop, Heartbeat& heartbeat);
   void draw_one(const FramePtr& frame, DrawStage& stage);
+  void offer_clean(const Frame& frame);
   void draw_points(const MutableI420View& image, Time capture, const DrawStage& stage);
   /// Takes the next stage over, if there is one.
   void renew(ObserveStage& stage);

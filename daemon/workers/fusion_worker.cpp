@@ -80,6 +80,7 @@ void FusionWorker::forget_those_named() {
     const ObjectCounters& counters = counters_.at(object.index());
     counters.state->set(static_cast<double>(TrackState::kSearching));
     for (Gauge* reason : counters.degraded_reasons) reason->set(0);
+    tell_of_silence(object);
     log::info("{}: forgotten", reason_logs_[object.index()].object);
   }
 }
@@ -97,10 +98,26 @@ void FusionWorker::run(std::stop_token stop, Heartbeat& heartbeat) {
     for (const ObjectId object : fusion_->advance(MonotonicClock::now())) {
       const TrackState state = fusion_->estimator(object).state();
       counters_[object.index()].state->set(static_cast<double>(state));
+      tell_of_silence(object);
       if (state == TrackState::kDegraded) continue;
       for (Gauge* reason : counters_[object.index()].degraded_reasons) reason->set(0);
     }
   }
+}
+
+void FusionWorker::tell_of_silence(ObjectId object) {
+  if (!on_estimate_) return;
+  const PoseTrackPtr& track = fusion_->tracks()[object.index()];
+  const TrackState state = fusion_->estimator(object).state();
+  PoseEstimate estimate;
+  if (track && !track->empty() && track->newest().state == state) {
+    estimate = track->newest();
+  } else {
+    estimate.object = object;
+    estimate.time = MonotonicClock::now();
+    estimate.state = state;
+  }
+  on_estimate_(estimate, Cause::kSilence);
 }
 
 // Once for each reason that lasts, not for every frame.
@@ -144,7 +161,7 @@ void FusionWorker::take(const Observation& observation) {
     counters.degraded_reasons[bit]->set(report.estimate.degraded_reasons >> bit & 1);
   }
   log_reasons(report.estimate, reason_logs_[index]);
-  if (on_estimate_) on_estimate_(report.estimate);
+  if (on_estimate_) on_estimate_(report.estimate, Cause::kFrame);
 }
 
 }  // namespace sightline

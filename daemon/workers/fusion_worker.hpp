@@ -19,10 +19,12 @@ namespace sightline {
 /// publishes tracks. Capture, observe and render never wait for it.
 class FusionWorker {
  public:
-  using OnEstimate = std::function<void(const PoseEstimate&)>;
+  /// What made an estimate: a camera's frame, or the time that passed without one (or a forget()).
+  enum class Cause { kFrame, kSilence };
+  using OnEstimate = std::function<void(const PoseEstimate&, Cause)>;
 
-  /// `shape_symmetry`: by object. `on_estimate` (may be empty) hears of every estimate on the
-  /// fusion thread; it must not block.
+  /// `shape_symmetry`: by object. `on_estimate` (may be empty) hears of every estimate, and of
+  /// every change of state, on the fusion thread; it must not block.
   static Result<std::unique_ptr<FusionWorker>> start(
       const EstimatorOptions& options, const std::vector<NamedObject>& objects,
       const std::vector<ShapeSymmetry>& shape_symmetry, std::shared_ptr<TrackBoard> board,
@@ -41,6 +43,7 @@ class FusionWorker {
   void run(std::stop_token stop, Heartbeat& heartbeat);
   void take(const Observation& observation);
   void forget_those_named();
+  void tell_of_silence(ObjectId object);
 
   struct ObjectCounters {
     Counter* accepted;

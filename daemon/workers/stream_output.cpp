@@ -12,9 +12,10 @@ using namespace std::chrono_literals;
 std::shared_ptr<StreamOutput> StreamOutput::create(std::string camera, EncoderOptions options,
                                                    std::vector<NamedObject> names,
                                                    std::shared_ptr<RtspStream> stream,
+                                                   std::shared_ptr<PictureSlot> pictures,
                                                    Registry& registry) {
-  std::shared_ptr<StreamOutput> output(
-      new StreamOutput(std::move(camera), std::move(options), std::move(names), registry));
+  std::shared_ptr<StreamOutput> output(new StreamOutput(
+      std::move(camera), std::move(options), std::move(names), std::move(pictures), registry));
   output->move_to(std::move(stream));
   return output;
 }
@@ -34,8 +35,10 @@ void StreamOutput::adopt(std::vector<NamedObject> names,
 }
 
 StreamOutput::StreamOutput(std::string camera, EncoderOptions options,
-                           std::vector<NamedObject> names, Registry& registry)
+                           std::vector<NamedObject> names, std::shared_ptr<PictureSlot> pictures,
+                           Registry& registry)
     : camera_(std::move(camera)),
+      pictures_(std::move(pictures)),
       created_(std::move(options)),
       options_(created_),
       names_(std::move(names)),
@@ -80,6 +83,8 @@ bool StreamOutput::make_encoder() {
 }
 
 void StreamOutput::accept(const AnnotatedImage& image) {
+  pictures_->offer(PictureKind::kAnnotated, image.image, image.frame);
+  if (!stream_->read()->wanted()) return;
   auto current = encoder();
   if (current) {
     if (const auto failure = current->failure()) {

@@ -14,20 +14,27 @@
 #include "sightline/model/seams.hpp"
 #include "sightline/stream/encoder.hpp"
 #include "sightline/stream/rtsp_server.hpp"
+#include "web/picture_board.hpp"
 
 namespace sightline {
 
-/// The way out of one camera: its encoder and its RTSP address. The encoder is made when the first
+/// The way out of one camera: its encoder and its RTSP address, and its pictures for browsers. The
+/// encoder is made when the first
 /// viewer asks and made again should it fail; without images it costs nothing.
 class StreamOutput : public ImageSink {
  public:
   static std::shared_ptr<StreamOutput> create(std::string camera, EncoderOptions options,
                                               std::vector<NamedObject> names,
                                               std::shared_ptr<RtspStream> stream,
+                                              std::shared_ptr<PictureSlot> pictures,
                                               Registry& registry);
   ~StreamOutput() override;
 
-  bool wanted() const override { return stream_->read()->wanted(); }
+  bool wanted() const override { return stream_->read()->wanted() || pictures_->wanted(); }
+  /// Somebody wants what accept() takes, and not only pictures without annotation.
+  bool wants_annotated() const {
+    return stream_->read()->wanted() || pictures_->wanted(PictureKind::kAnnotated);
+  }
   /// From the drawing thread only.
   void accept(const AnnotatedImage& image) override;
   /// Brings the counters up to date; from the drawing thread, also when there is nothing to draw.
@@ -41,6 +48,7 @@ class StreamOutput : public ImageSink {
   /// Ends the encoder; nothing may be accepted afterwards.
   void close();
 
+  PictureSlot& pictures() const { return *pictures_; }
   int viewers() const { return stream_->read()->viewers(); }
   std::string url() const { return stream_->read()->url(); }
   /// As given to create(): size and rate stay for good. Any thread.
@@ -50,11 +58,12 @@ class StreamOutput : public ImageSink {
 
  private:
   StreamOutput(std::string camera, EncoderOptions options, std::vector<NamedObject> names,
-               Registry& registry);
+               std::shared_ptr<PictureSlot> pictures, Registry& registry);
   std::shared_ptr<VideoEncoder> encoder() const;
   bool make_encoder();
 
   const std::string camera_;
+  const std::shared_ptr<PictureSlot> pictures_;
   const EncoderOptions created_;
   EncoderOptions options_;  // in force; the drawing thread's
   std::vector<NamedObject> names_;

@@ -11,6 +11,7 @@
 #include "config/names.hpp"
 #include "config/object_start.hpp"
 #include "config/section_reader.hpp"
+#include "config/servers.hpp"
 #include "config/toml_reader.hpp"
 
 namespace sightline {
@@ -46,7 +47,7 @@ class InstallationReader {
     section("detect", result_.detect);
     section("points", result_.points);
     section("estimator", result_.estimator);
-    read_servers();
+    config::read_servers(root_, path_, files_, result_);
     section("encoder", result_.encoder);
     read_record();
     read_action();
@@ -79,7 +80,6 @@ class InstallationReader {
   void read_scene();
   void read_virtual_cameras();
   void read_virtual_camera(TomlTable table);
-  void read_servers();
   void read_record();
   void read_action();
 
@@ -390,29 +390,6 @@ void InstallationReader::read_virtual_camera(TomlTable table) {
   }
   table.finish();
   result_.virtual_cameras.push_back(std::move(view));
-}
-
-void InstallationReader::read_servers() {
-  section("rtsp", result_.rtsp);
-  section("http", result_.http);
-  if (result_.rtsp.server.address.empty()) {
-    root_.table("rtsp")->problem("address", "an address to listen at, as in \"0.0.0.0\"");
-  }
-  const HttpOptions& http = result_.http.server;
-  if (!config::is_numeric_address(http.address)) {
-    root_.table("http")->problem("address", "a numeric address, as in \"127.0.0.1\" or \"::1\"");
-  } else if (!config::is_loopback_address(http.address) && !http.allow_remote) {
-    root_.table("http")->problem(
-        "address",
-        "other hosts could reach it, and there is no password: say allow_remote = true "
-        "if that is meant");
-  }
-  const bool same = http.port != 0 && result_.rtsp.server.port == http.port;
-  if (result_.rtsp.enabled && result_.http.enabled && same) {
-    const bool named = root_.has("http");
-    (named ? *root_.table("http") : *root_.table("rtsp"))
-        .problem("port", fmt::format("{} is used by [rtsp] and by [http]", http.port));
-  }
 }
 
 void InstallationReader::read_record() {

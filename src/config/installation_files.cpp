@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
+#include <cstdlib>
 
 #include <algorithm>
 
@@ -7,6 +8,7 @@
 #include "sightline/calibrate/calibration_file.hpp"
 #include "sightline/config/installation.hpp"
 #include "sightline/config/object_file.hpp"
+#include "sightline/control/access.hpp"
 #include "sightline/record/recording.hpp"
 #include "sightline/record/still_image.hpp"
 
@@ -84,6 +86,15 @@ Result<CameraConfig> camera_of(const RecordingManifest::Camera& recorded, const 
                       .place = {where}};
 }
 
+Result<uint64_t> tokens_of(const fs::path& setting) {
+  if (setting.string().starts_with("credential:") &&
+      std::getenv("CREDENTIALS_DIRECTORY") == nullptr)
+    return uint64_t{0};
+  SL_RETURN_IF_ERROR(read_tokens(setting));
+  SL_ASSIGN(const fs::path path, token_file_path(setting));
+  return content_of(path);
+}
+
 }  // namespace
 
 InstallationFiles InstallationFiles::on_disk() {
@@ -95,6 +106,7 @@ InstallationFiles InstallationFiles::on_disk() {
   files.is_file = &file_exists;
   files.is_directory = &directory_exists;
   files.content = &content_of;
+  files.tokens = &tokens_of;
   return files;
 }
 

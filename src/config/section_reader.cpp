@@ -112,6 +112,24 @@ void SectionReader::styles(std::string_view key, OverlayStyle& style) {
   }
 }
 
+void SectionReader::host_names(std::string_view key, std::vector<std::string>& field) {
+  const auto names = table_.texts(key);
+  if (!names) return;
+  field.clear();
+  for (const PlacedText& name : *names) {
+    const bool good =
+        !name.text.empty() && name.text.size() <= 253 && std::ranges::all_of(name.text, [](char c) {
+          return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+                 c == '-' || c == '.';
+        });
+    if (!good) {
+      table_.problem(key,
+                     fmt::format("\"{}\" is no host name, such as \"rig.example\"", name.text));
+    }
+    field.push_back(name.text);
+  }
+}
+
 void SectionReader::encoders(std::string_view key, std::vector<std::string>& field) {
   const auto names = table_.texts(key);
   if (!names) return;

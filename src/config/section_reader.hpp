@@ -93,6 +93,7 @@ class SectionReader {
   void color(std::string_view key, Rgb& field);
   void theme(std::string_view key, OverlayStyle& style);
   void styles(std::string_view key, OverlayStyle& style);
+  void host_names(std::string_view key, std::vector<std::string>& field);
   void encoders(std::string_view key, std::vector<std::string>& field);
 
  private:

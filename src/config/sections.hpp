@@ -205,7 +205,8 @@ void visit(Visitor& v, HttpConfig& s) {
   v.flag("enabled", s.enabled);
   v.text("address", s.server.address);
   v.integer("port", s.server.port, 0, 65535, "a port number");
-  v.flag("allow_remote", s.server.allow_remote);
+  v.flag("open", s.server.open);
+  v.host_names("names", s.server.names);
 }
 
 template <typename Visitor>

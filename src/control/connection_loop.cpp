@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <utility>
 
 namespace sightline::control {
 namespace {
@@ -23,6 +24,7 @@ constexpr Duration kGrace = 100ms;
 constexpr int kAcceptedPerTurn = 64;  // then those that are there are served
 // Those that were cut are closed by libmicrohttpd a turn later.
 constexpr unsigned kBeingClosed = 2 * kAcceptedPerTurn;
+constexpr int kRestLook_ms = 50;               // what rests for a time, and not for a wake
 constexpr size_t kMemoryPerConnection = 8192;  // [bytes] request line and headers have to fit
 
 int milliseconds_until(Time time, Time now) {
@@ -33,16 +35,17 @@ int milliseconds_until(Time time, Time now) {
 
 }  // namespace
 
-ConnectionLoop::ConnectionLoop(UniqueFd listener, const HttpOptions& options)
+ConnectionLoop::ConnectionLoop(UniqueFd listener, const HttpOptions& options, Handler handler)
     : listener_(std::move(listener)),
       wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
+      handler_(std::move(handler)),
       table_(options.max_connections, options.deadline, std::min(kGrace, options.deadline)) {}
 
 Result<std::unique_ptr<ConnectionLoop>> ConnectionLoop::create(UniqueFd listener,
                                                                const HttpOptions& options,
-                                                               MHD_AccessHandlerCallback handler,
-                                                               void* context) {
-  std::unique_ptr<ConnectionLoop> loop(new ConnectionLoop(std::move(listener), options));
+                                                               Handler handler) {
+  std::unique_ptr<ConnectionLoop> loop(
+      new ConnectionLoop(std::move(listener), options, std::move(handler)));
   if (!loop->wake_.is_open()) {
     return make_error(ErrorCode::kIo, "http", "eventfd: {}", std::strerror(errno));
   }
@@ -50,19 +53,60 @@ Result<std::unique_ptr<ConnectionLoop>> ConnectionLoop::create(UniqueFd listener
                                 MHD_ConnectionNotificationCode what) {
     static_cast<ConnectionLoop*>(self)->on_connection(connection, entry, what);
   };
-  const auto on_answer = [](void* self, MHD_Connection* connection, void**,
+  const auto on_answer = [](void* self, MHD_Connection* connection, void** progress,
                             MHD_RequestTerminationCode) {
-    static_cast<ConnectionLoop*>(self)->on_answer(connection);
+    auto* const own = static_cast<ConnectionLoop*>(self);
+    own->on_answer(connection);
+    own->handler_.completed(std::exchange(*progress, nullptr));
   };
   loop->daemon_.reset(MHD_start_daemon(
-      MHD_USE_EPOLL | MHD_USE_NO_LISTEN_SOCKET, 0, nullptr, nullptr, handler, context,
-      MHD_OPTION_NOTIFY_CONNECTION, +on_connection, loop.get(), MHD_OPTION_NOTIFY_COMPLETED,
-      +on_answer, loop.get(), MHD_OPTION_CONNECTION_LIMIT, options.max_connections + kBeingClosed,
-      MHD_OPTION_CONNECTION_MEMORY_LIMIT, kMemoryPerConnection, MHD_OPTION_END));
+      MHD_USE_EPOLL | MHD_USE_NO_LISTEN_SOCKET | MHD_ALLOW_SUSPEND_RESUME, 0, nullptr, nullptr,
+      loop->handler_.handle, loop->handler_.context, MHD_OPTION_NOTIFY_CONNECTION, +on_connection,
+      loop.get(), MHD_OPTION_NOTIFY_COMPLETED, +on_answer, loop.get(), MHD_OPTION_CONNECTION_LIMIT,
+      options.max_connections + kBeingClosed, MHD_OPTION_CONNECTION_MEMORY_LIMIT,
+      kMemoryPerConnection, MHD_OPTION_END));
   if (!loop->daemon_) {
     return make_error(ErrorCode::kInternal, "http", "the HTTP library does not start");
   }
   return loop;
+}
+
+// The library does not end with connections that rest.
+ConnectionLoop::~ConnectionLoop() {
+  for (const Suspended& suspended : suspended_) MHD_resume_connection(suspended.connection);
+  suspended_.clear();
+  daemon_.reset();
+}
+
+ConnectionTable::Entry* ConnectionLoop::entry_of(MHD_Connection* connection) {
+  const auto* const info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT);
+  if (info == nullptr) return nullptr;
+  return static_cast<ConnectionTable::Entry*>(info->socket_context);
+}
+
+void ConnectionLoop::suspend(MHD_Connection* connection, std::function<bool()> ready) {
+  if (ConnectionTable::Entry* const entry = entry_of(connection)) entry->resting = true;
+  suspended_.push_back({connection, std::move(ready)});
+  MHD_suspend_connection(connection);
+}
+
+void ConnectionLoop::goes_on(MHD_Connection* connection) {
+  if (ConnectionTable::Entry* const entry = entry_of(connection)) {
+    table_.answered(entry, MonotonicClock::now());
+  }
+}
+
+void ConnectionLoop::resume_ready() {
+  if (handler_.waker) handler_.waker->clear();
+  suspended_.remove_if([this](const Suspended& suspended) {
+    if (!suspended.ready()) return false;
+    if (ConnectionTable::Entry* const entry = entry_of(suspended.connection)) {
+      entry->resting = false;
+      table_.answered(entry, MonotonicClock::now());
+    }
+    MHD_resume_connection(suspended.connection);
+    return true;
+  });
 }
 
 void ConnectionLoop::run(std::stop_token stop) {
@@ -72,6 +116,7 @@ void ConnectionLoop::run(std::stop_token stop) {
     accept_some();
     const Time now = MonotonicClock::now();
     while (ConnectionTable::Entry* entry = table_.overdue(now)) cut(entry);
+    resume_ready();
     MHD_run(daemon_.get());
   }
 }
@@ -86,11 +131,13 @@ void ConnectionLoop::wait(Time now) const {
     at_most(static_cast<int>(std::min<MHD_UNSIGNED_LONG_LONG>(library_ms, 60'000)));
   }
   if (const auto deadline = table_.next_deadline()) at_most(milliseconds_until(*deadline, now));
+  if (!suspended_.empty()) at_most(kRestLook_ms);
   const bool accepting = now >= resume_;
   if (!accepting) at_most(milliseconds_until(resume_, now));
   const int library = MHD_get_daemon_info(daemon_.get(), MHD_DAEMON_INFO_EPOLL_FD)->epoll_fd;
   pollfd fds[] = {{wake_.get(), POLLIN, 0},
                   {library, POLLIN, 0},
+                  {handler_.waker ? handler_.waker->fd() : -1, POLLIN, 0},
                   {accepting ? listener_.get() : -1, POLLIN, 0}};  // -1 is passed over
   (void)::poll(fds, std::size(fds), timeout_ms);
 }
@@ -146,11 +193,6 @@ void ConnectionLoop::on_connection(MHD_Connection* connection, void** entry,
   *entry = table_.add(connect_fd, peer_key(address->client_addr), MonotonicClock::now());
 }
 
-void ConnectionLoop::on_answer(MHD_Connection* connection) {
-  const auto* const info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT);
-  if (info == nullptr || info->socket_context == nullptr) return;
-  table_.answered(static_cast<ConnectionTable::Entry*>(info->socket_context),
-                  MonotonicClock::now());
-}
+void ConnectionLoop::on_answer(MHD_Connection* connection) { goes_on(connection); }
 
 }  // namespace sightline::control

@@ -47,7 +47,7 @@ ConnectionTable::Entry* ConnectionTable::yields(Time now) {
   Entry* best = nullptr;
   size_t best_count = 0;
   for (Entry& entry : entries_) {
-    if (entry.cut || entry.since + grace_ > now) continue;
+    if (entry.cut || entry.resting || entry.since + grace_ > now) continue;
     const size_t count = per_peer_.at(entry.peer);
     if (best == nullptr || count > best_count ||
         (count == best_count && entry.since < best->since)) {
@@ -59,15 +59,16 @@ ConnectionTable::Entry* ConnectionTable::yields(Time now) {
 }
 
 ConnectionTable::Entry* ConnectionTable::overdue(Time now) {
-  const auto found = std::ranges::find_if(
-      entries_, [&](const Entry& entry) { return !entry.cut && entry.since + deadline_ <= now; });
+  const auto found = std::ranges::find_if(entries_, [&](const Entry& entry) {
+    return !entry.cut && !entry.resting && entry.since + deadline_ <= now;
+  });
   return found == entries_.end() ? nullptr : &*found;
 }
 
 std::optional<Time> ConnectionTable::next_deadline() const {
   std::optional<Time> first;
   for (const Entry& entry : entries_) {
-    if (!entry.cut && (!first || entry.since + deadline_ < *first)) {
+    if (!entry.cut && !entry.resting && (!first || entry.since + deadline_ < *first)) {
       first = entry.since + deadline_;
     }
   }
@@ -77,7 +78,7 @@ std::optional<Time> ConnectionTable::next_deadline() const {
 Time ConnectionTable::next_yield(Time now) const {
   Time first = now + grace_;
   for (const Entry& entry : entries_) {
-    if (!entry.cut) first = std::min(first, entry.since + grace_);
+    if (!entry.cut && !entry.resting) first = std::min(first, entry.since + grace_);
   }
   return first;
 }

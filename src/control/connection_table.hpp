@@ -26,8 +26,9 @@ class ConnectionTable {
   struct Entry {
     int fd = -1;
     PeerKey peer{};
-    Time since{};      ///< accepted, or its last answer sent
-    bool cut = false;  ///< told to go; nothing more is expected of it
+    Time since{};          ///< accepted, or its last answer sent
+    bool resting = false;  ///< waits for us: it owes nothing, and does not give way
+    bool cut = false;      ///< told to go; nothing more is expected of it
   };
   /// `most` connections. Each has until `deadline` after its `since`; none has to give way to
   /// another within `grace` of it.

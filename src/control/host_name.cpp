@@ -3,6 +3,7 @@
 
 #include <arpa/inet.h>
 #include <netinet/in.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <charconv>
@@ -23,11 +24,19 @@ bool is_port(std::string_view text) {
   return error == std::errc() && end == text.data() + text.size();
 }
 
-bool is_localhost(std::string_view name) {
-  constexpr std::string_view kName = "localhost";
-  return std::equal(name.begin(), name.end(), kName.begin(), kName.end(), [](char a, char b) {
-    return (a >= 'A' && a <= 'Z' ? static_cast<char>(a - 'A' + 'a') : a) == b;
-  });
+char lower(char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
+
+bool same_name(std::string_view a, std::string_view b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                    [](char x, char y) { return lower(x) == lower(y); });
+}
+
+bool is_localhost(std::string_view name) { return same_name(name, "localhost"); }
+
+bool is_own_name(std::string_view name) {
+  char own[256] = {};
+  if (::gethostname(own, sizeof own - 1) != 0 || own[0] == '\0') return false;
+  return same_name(name, own) || same_name(name, std::string(own) + ".local");
 }
 
 // inet_pton() takes four decimal numbers and nothing else, unlike inet_aton().
@@ -54,6 +63,21 @@ bool names_loopback(std::string_view host) {
   }
   const std::string_view name = host.substr(0, host.find(':'));
   return (is_localhost(name) || is_v4_loopback(name)) && is_port(host.substr(name.size()));
+}
+
+bool names_this(std::string_view host, const std::vector<std::string>& names) {
+  if (host.find('\0') != std::string_view::npos) return false;
+  if (host.starts_with('[')) {
+    const size_t end = host.find(']');
+    in6_addr address{};
+    return end != std::string_view::npos && is_port(host.substr(end + 1)) &&
+           inet_pton(AF_INET6, std::string(host.substr(1, end - 1)).c_str(), &address) == 1;
+  }
+  const std::string_view name = host.substr(0, host.find(':'));
+  if (!is_port(host.substr(name.size()))) return false;
+  in_addr address{};
+  return inet_pton(AF_INET, std::string(name).c_str(), &address) == 1 || is_own_name(name) ||
+         std::ranges::any_of(names, [&](const std::string& one) { return same_name(one, name); });
 }
 
 }  // namespace sightline::control

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <string>
 #include <string_view>
+#include <vector>
 
 namespace sightline::control {
 
@@ -10,5 +12,9 @@ namespace sightline::control {
 /// page of another site that a browser was talked into resolving to 127.0.0.1 (DNS rebinding) has
 /// its own name there, whatever that begins with. Any thread.
 bool names_loopback(std::string_view host);
+
+/// True if it is a numeric address, this machine's own name (alone, or with ".local"), or one of
+/// `names`, with or without a port. Any thread.
+bool names_this(std::string_view host, const std::vector<std::string>& names);
 
 }  // namespace sightline::control

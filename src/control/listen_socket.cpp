@@ -69,10 +69,11 @@ Result<ListenSocket> open_listen_socket(const std::string& address, uint16_t por
                       "\"{}\" is not a numeric address, such as 127.0.0.1 or ::1", address);
   }
   if (!parsed->loopback && !allow_remote) {
-    return make_error(ErrorCode::kInvalidInput, "http",
-                      "{} can be reached from other machines, and this server has no passwords and "
-                      "no encryption; use 127.0.0.1, or allow it explicitly",
-                      address);
+    return make_error(
+        ErrorCode::kInvalidInput, "http",
+        "{} can be reached from other machines: give out tokens ([access] tokens), or "
+        "say that everybody is meant ([http] open = true), or use 127.0.0.1",
+        address);
   }
   ListenSocket result;
   result.loopback = parsed->loopback;

@@ -16,6 +16,7 @@
 #include "stream/client_sessions.hpp"
 #include "stream/guarded_socket.hpp"
 #include "stream/handover.hpp"
+#include "stream/rtsp_access.hpp"
 #include "stream/rtsp_connections.hpp"
 #include "stream/rtsp_stream.hpp"
 
@@ -228,6 +229,7 @@ struct RtspServer::Impl {
 Status RtspServer::Impl::listen() {
   const RtspOptions& options = state->options;
   server.reset(gst_rtsp_server_new());
+  ask_for_passwords(server.get(), options.users);
   sessions.reset(gst_rtsp_server_get_session_pool(server.get()));
   mounts.reset(gst_rtsp_server_get_mount_points(server.get()));
   gst_rtsp_server_set_address(server.get(), options.address.c_str());
@@ -266,10 +268,10 @@ void RtspServer::Impl::take_address() {
   SL_CHECK(bound && G_IS_INET_SOCKET_ADDRESS(bound.get()), "the RTSP server has an IP address");
   port = g_inet_socket_address_get_port(G_INET_SOCKET_ADDRESS(bound.get()));
   GInetAddress* address = g_inet_socket_address_get_address(G_INET_SOCKET_ADDRESS(bound.get()));
-  if (!g_inet_address_get_is_loopback(address)) {
+  if (!g_inet_address_get_is_loopback(address) && state->options.users.empty()) {
     log::warning(
         "rtsp: {} can be reached from other machines, and there is no password: everybody who "
-        "reaches port {} can watch; 127.0.0.1 under [rtsp] keeps it to this host",
+        "reaches port {} can watch; tokens under [access], or 127.0.0.1 under [rtsp]",
         state->options.address, port);
   }
   if (g_inet_address_get_is_any(address)) return;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "stream/rtsp_stream.hpp"
 
+#include "stream/rtsp_access.hpp"
+
 #include <gst/app/gstappsrc.h>
 
 #include "sightline/base/log.hpp"
@@ -137,6 +139,7 @@ GObjectPtr<GstRTSPMediaFactory> SharedStream::make_factory(GstRTSPAddressPool* u
   GObjectPtr<GstRTSPMediaFactory> factory(gst_rtsp_media_factory_new());
   gst_rtsp_media_factory_set_launch(factory.get(), launch_line(options_).c_str());
   gst_rtsp_media_factory_set_shared(factory.get(), TRUE);
+  let_users_watch(factory.get());
   gst_rtsp_media_factory_set_latency(factory.get(), 0);
   gst_rtsp_media_factory_set_stop_on_disconnect(factory.get(), TRUE);
   gst_rtsp_media_factory_set_address_pool(factory.get(), udp_addresses);

@@ -38,6 +38,10 @@ inline InstallationFiles fake_files() {
     object.mesh = path.parent_path() / "mesh.obj";
     return object;
   };
+  files.tokens = [is_there](const auto& path) -> Result<uint64_t> {
+    if (!is_there(path)) return make_error(ErrorCode::kNotFound, path.string(), "no such file");
+    return uint64_t{7};
+  };
   files.recording = [is_there](const auto& path) -> Result<std::vector<RecordedCameraEntry>> {
     if (!is_there(path)) return make_error(ErrorCode::kNotFound, path.string(), "no such file");
     return std::vector<RecordedCameraEntry>{{"left", 640, 480},

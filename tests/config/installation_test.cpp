@@ -189,8 +189,9 @@ TEST(Installation, TheExamplesCommentedKeysAreTheDefaults) {
   std::istringstream lines(text);
   int uncommented = 0;
   for (std::string line; std::getline(lines, line);) {
-    const bool names_a_file =
-        line.find("font_file") != std::string::npos || line.find("directory") != std::string::npos;
+    const bool names_a_file = line.find("font_file") != std::string::npos ||
+                              line.find("directory") != std::string::npos ||
+                              line.starts_with("# tokens");
     // Their defaults follow the rig.
     const bool is_a_place = line.starts_with("# eye") || line.starts_with("# target") ||
                             line.starts_with("# nearest_m") || line.starts_with("# farthest_m");
@@ -304,8 +305,11 @@ keyframe_interval = 15
 prefer = ["vah264enc", "x264enc"]
 [http]
 address = "::"
-allow_remote = true
+open = true
+names = ["rig.example"]
 port = 81
+[access]
+tokens = "tokens"
 [record]
 enabled = true
 directory = "out"
@@ -348,6 +352,11 @@ log_level = "warning"
   EXPECT_EQ(installation.encoder.keyframe_interval, 15);
   EXPECT_EQ(installation.encoder.prefer, (std::vector<std::string>{"vah264enc", "x264enc"}));
   EXPECT_EQ(installation.http.server.address, "::");
+  EXPECT_TRUE(installation.http.server.open);
+  EXPECT_EQ(installation.http.server.names, std::vector<std::string>{"rig.example"});
+  EXPECT_EQ(installation.http.server.tokens, "dir/tokens");
+  EXPECT_EQ(installation.http.server.tokens_content, 7u);
+  EXPECT_EQ(installation.rtsp.server.tokens, "dir/tokens");
   EXPECT_EQ(installation.http.server.port, 81);
   EXPECT_TRUE(installation.record.enabled);
   EXPECT_EQ(installation.record.raw_storage, RawStorage::kFfv1);

@@ -1,49 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sightline/control/http_server.hpp"
 
-#include <arpa/inet.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <netinet/in.h>
-#include <poll.h>
-#include <sys/socket.h>
 
 #include <array>
 #include <atomic>
 #include <stdexcept>
-#include <thread>
 
-#include "sightline/base/unique_fd.hpp"
+#include "control/http_client.hpp"
 
 namespace sightline {
 namespace {
 
+using test::connect_to;
+using test::RunningServer;
 using testing::HasSubstr;
 
-UniqueFd connect_to(uint16_t port) {
-  UniqueFd fd(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_port = htons(port);
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  if (connect(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0) {
-    fd.reset();
-  }
-  return fd;
-}
-
-/// Everything the server sends until it closes, at most 20 s.
-std::string read_all(int fd) {
-  std::string text;
-  std::array<char, 4096> chunk;
-  pollfd waiting{fd, POLLIN, 0};
-  while (poll(&waiting, 1, 20'000) > 0) {
-    const ssize_t got = recv(fd, chunk.data(), chunk.size(), 0);
-    if (got <= 0) break;
-    text.append(chunk.data(), static_cast<size_t>(got));
-  }
-  return text;
-}
+std::string read_all(int fd) { return test::read_until(fd, ""); }
 
 std::string ask(uint16_t port, const std::string& method, const std::string& path,
                 const std::string& host = "localhost") {
@@ -59,19 +33,6 @@ HttpOptions any_port() {
   options.port = 0;
   return options;
 }
-
-/// A server and the thread that it serves in.
-class RunningServer {
- public:
-  explicit RunningServer(std::unique_ptr<HttpServer> server)
-      : server_(std::move(server)),
-        thread_([raw = server_.get()](std::stop_token stop) { raw->run(stop); }) {}
-  uint16_t port() const { return server_->port(); }
-
- private:
-  std::unique_ptr<HttpServer> server_;
-  std::jthread thread_;  // ends before the server
-};
 
 class HttpServerTest : public testing::Test {
  protected:
@@ -132,7 +93,7 @@ TEST_F(HttpServerTest, HeadHasNoBody) {
 
 TEST_F(HttpServerTest, OtherPathsAndMethodsAreRefused) {
   start();
-  for (const std::string path : {"/", "/metrics/", "/../etc/passwd"}) {
+  for (const std::string path : {"/index.html", "/metrics/", "/../etc/passwd"}) {
     EXPECT_THAT(ask(server_->port(), "GET", path), HasSubstr("404")) << path;
   }
   for (const std::string method : {"POST", "PUT", "DELETE", "OPTIONS", "BREW"}) {
@@ -272,11 +233,18 @@ TEST(HttpServerAddress, RemoteAddressesNeedPermission) {
     EXPECT_EQ(refused.error().code, ErrorCode::kInvalidInput) << address;
   }
   options.address = "0.0.0.0";
-  options.allow_remote = true;
+  options.open = true;
   auto allowed = HttpServer::create(options, {});
   ASSERT_TRUE(allowed) << allowed.error().message();
   const RunningServer server(*std::move(allowed));
-  EXPECT_THAT(ask(server.port(), "GET", "/healthz", "rig.example"), HasSubstr("200 OK"));
+  EXPECT_THAT(ask(server.port(), "GET", "/healthz", "192.168.1.7:80"), HasSubstr("200 OK"));
+  EXPECT_THAT(ask(server.port(), "GET", "/healthz", "rig.example"), HasSubstr("403"));
+  options.names = {"rig.example"};
+  auto named = HttpServer::create(options, {});
+  ASSERT_TRUE(named);
+  const RunningServer named_server(*std::move(named));
+  EXPECT_THAT(ask(named_server.port(), "GET", "/healthz", "Rig.example:9"), HasSubstr("200 OK"));
+  EXPECT_THAT(ask(named_server.port(), "GET", "/healthz", "evil.example"), HasSubstr("403"));
 }
 
 TEST(HttpServerAddress, MustBeNumeric) {

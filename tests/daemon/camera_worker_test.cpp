@@ -64,11 +64,12 @@ class ScriptedSource : public FrameSource {
   SourceInfo info_;
 };
 
-/// A stream that somebody always watches; keeps what was said inside its packets.
+/// A stream that somebody watches while `watched`; keeps what was said inside its packets.
 class WatchedStream : public RtspStream {
  public:
-  int viewers() const override { return 1; }
-  bool wanted() const override { return true; }
+  std::atomic<bool> watched{true};
+  int viewers() const override { return watched ? 1 : 0; }
+  bool wanted() const override { return watched; }
   void push(const EncodedPacket& packet) override {
     const auto message = parse_sei(*packet.bytes);
     std::lock_guard lock(mutex_);
@@ -141,7 +142,11 @@ class CameraWorkerTest : public testing::Test {
     parts.draw.renderer = *CameraRenderer::create(camera, CameraId(0), {},
                                                   RayTable::build(camera.model), nullptr, {});
     parts.draw.slate = NoSignalSlate::create(kWidth, kHeight, {});
-    parts.output = StreamOutput::create("cam", encoder, {}, stream_, registry_);
+    auto pictures = PictureBoard::start(registry_, beats_, nullptr);
+    ASSERT_TRUE(pictures);
+    pictures_ = *pictures;
+    parts.output =
+        StreamOutput::create("cam", encoder, {}, stream_, pictures_->slot("cam"), registry_);
     parts.draw.board = std::make_shared<TrackBoard>(0);
     worker_ = CameraWorker::start(std::move(parts), registry_, beats_);
   }
@@ -165,9 +170,31 @@ class CameraWorkerTest : public testing::Test {
   Script script_;
   Registry registry_;
   HeartbeatBoard beats_;
+  std::shared_ptr<PictureBoard> pictures_;
   std::shared_ptr<WatchedStream> stream_ = std::make_shared<WatchedStream>();
   std::unique_ptr<CameraWorker> worker_;
 };
+
+TEST_F(CameraWorkerTest, PicturesAloneAreDrawnAndNoVideoIsMade) {
+  stream_->watched = false;
+  start(Script::Mode::kFrames);
+  ASSERT_TRUE(frames_flow());
+  const auto encoded = [this] {
+    return registry_.counter("sightline_pictures_encoded_total", "", {{"camera", "cam"}}).value();
+  };
+  EXPECT_EQ(encoded(), 0u);
+  const Gauge& drawn = registry_.gauge("sightline_draw_seconds", "", {{"camera", "cam"}});
+  {
+    PictureWatch clean(pictures_->slot("cam"), PictureKind::kClean);
+    EXPECT_TRUE(eventually([&] { return clean.next() != nullptr; }));
+    EXPECT_EQ(drawn.value(), 0);  // nobody wants the annotated ones
+    PictureWatch annotated(pictures_->slot("cam"), PictureKind::kAnnotated);
+    EXPECT_TRUE(eventually([&] { return annotated.next() != nullptr; }));
+    EXPECT_GT(drawn.value(), 0);
+  }
+  EXPECT_EQ(worker_->output()->encoder_name(), "");
+  EXPECT_TRUE(stream_->packets().empty());
+}
 
 TEST_F(CameraWorkerTest, AbsentFromTheStartTheStreamIsUpAllTheSame) {
   start(Script::Mode::kAbsent);

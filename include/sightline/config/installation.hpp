@@ -161,6 +161,8 @@ struct InstallationFiles {
   std::function<bool(const std::filesystem::path&)> is_file;
   std::function<bool(const std::filesystem::path&)> is_directory;
   std::function<uint64_t(const std::filesystem::path&)> content;  ///< hash; 0 if unreadable
+  /// Hash of a token file that can be used; 0 for a credential that only the service will have.
+  std::function<Result<uint64_t>(const std::filesystem::path&)> tokens;
 
   static InstallationFiles on_disk();
 };

@@ -2,19 +2,28 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <stop_token>
 #include <string>
+#include <vector>
 
 #include "sightline/base/result.hpp"
 #include "sightline/model/stream_types.hpp"
 
 namespace sightline {
 
+/// A name and a password.
+struct RtspUser {
+  std::string name, secret;
+
+  bool operator==(const RtspUser&) const = default;
+};
+
 struct RtspOptions {
-  /// Numeric address or host name to bind. There is no authentication: "0.0.0.0" lets everybody on
-  /// the network watch.
+  /// Numeric address or host name to bind. Without users "0.0.0.0" lets everybody on the network
+  /// watch.
   std::string address = "127.0.0.1";
   uint16_t port = 8554;  ///< 0: any free one, see RtspServer::port()
   /// A viewer that shows no sign of life (RTCP, keep-alive) for so long is dropped.
@@ -25,6 +34,12 @@ struct RtspOptions {
   /// The same for connections from one address. 0: three quarters of max_clients for other hosts,
   /// all for this one.
   int max_clients_per_address = 0;
+
+  /// Who may watch, by digest authentication. Empty: everybody who reaches the address.
+  std::vector<RtspUser> users;
+  /// Where the users come from (sightline/control/access.hpp); the daemon reads it. Empty: nowhere.
+  std::filesystem::path tokens;
+  uint64_t tokens_content = 0;  ///< hash of that file, so that new tokens are a difference
 
   bool operator==(const RtspOptions&) const = default;
 };

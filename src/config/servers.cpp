@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "config/servers.hpp"
+
+#include "config/section_reader.hpp"
+
+namespace sightline::config {
+namespace {
+
+void check_http(TomlTable& root, const HttpOptions& http) {
+  if (!is_numeric_address(http.address)) {
+    root.table("http")->problem("address", "a numeric address, as in \"127.0.0.1\" or \"::1\"");
+  } else if (!is_loopback_address(http.address) && http.tokens.empty() && !http.open) {
+    root.table("http")->problem(
+        "address",
+        "other hosts could reach it, and nobody would be asked for a token: name a file of tokens "
+        "under [access], or say open = true if everybody is meant");
+  }
+}
+
+// The tokens themselves stay in their file.
+void read_access(TomlTable& root, const std::filesystem::path& path, const InstallationFiles& files,
+                 Installation& installation) {
+  auto table = root.table("access");
+  if (!table) return;
+  if (const auto text = table->text("tokens")) {
+    const bool credential = text->text.starts_with("credential:");
+    const std::filesystem::path file =
+        credential ? std::filesystem::path(text->text) : resolve(path, text->text);
+    const auto content = files.tokens(file);
+    if (content) {
+      installation.http.server.tokens = installation.rtsp.server.tokens = file;
+      installation.http.server.tokens_content = *content;
+      installation.rtsp.server.tokens_content = *content;
+    } else {
+      table->problem("tokens",
+                     fmt::format("cannot use these tokens\n  {}", content.error().message()),
+                     content.error().code);
+    }
+  }
+  table->finish();
+}
+
+}  // namespace
+
+void read_servers(TomlTable& root, const std::filesystem::path& path,
+                  const InstallationFiles& files, Installation& installation) {
+  const auto section = [&](std::string_view key, auto& fields) {
+    auto table = root.table(key);
+    if (!table) return;
+    SectionReader reader(*table, path, files);
+    visit(reader, fields);
+    table->finish();
+  };
+  section("rtsp", installation.rtsp);
+  section("http", installation.http);
+  read_access(root, path, files, installation);
+  if (installation.rtsp.server.address.empty()) {
+    root.table("rtsp")->problem("address", "an address to listen at, as in \"0.0.0.0\"");
+  }
+  const HttpOptions& http = installation.http.server;
+  check_http(root, http);
+  const bool same = http.port != 0 && installation.rtsp.server.port == http.port;
+  if (installation.rtsp.enabled && installation.http.enabled && same) {
+    const bool named = root.has("http");
+    (named ? *root.table("http") : *root.table("rtsp"))
+        .problem("port", fmt::format("{} is used by [rtsp] and by [http]", http.port));
+  }
+}
+
+}  // namespace sightline::config

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <map>
+#include <string>
+#include <string_view>
+
+#include "sightline/base/result.hpp"
+#include "sightline/control/http_content.hpp"
+
+namespace sightline::control {
+
+/// Of a request's address; a key that comes several times keeps all values, in order.
+using Query = std::multimap<std::string, std::string>;
+
+/// Body of a hint: {"camera", "x", "y"[, "radius_px"]} in pixels, or {"translation_m": [3 numbers],
+/// "rotation_wxyz": [4 numbers]}. Strict: what is unknown, missing, given twice, no finite number
+/// or not a rotation is kInvalidInput with the key's name.
+Result<HintRequest> parse_hint(std::string_view body);
+
+/// A body that has to be empty or {}.
+Status parse_nothing(std::string_view body);
+
+/// "camera" (several), "annotated" (0 or 1), "rate_hz" (0.1 .. 240).
+Result<PictureRequest> parse_pictures(const Query& query);
+
+/// One of the keys that are known, each of which may come once; kInvalidInput names any other.
+Result<bool> parse_flag(const Query& query, const std::string& key);
+
+}  // namespace sightline::control

@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "control/router.hpp"
+
+#include <algorithm>
+#include <array>
+
+#include "sightline/base/log.hpp"
+#include "sightline/control/http_server.hpp"
+
+namespace sightline::control {
+namespace {
+
+HttpReply missing() { return HttpReply::error(404, "this server has nothing there"); }
+
+HttpReply health_reply(const std::function<Health()>& ask) {
+  const Health health = ask ? ask() : Health{true, "ok"};
+  return HttpReply::text(health.ok ? 200 : 503, health.text);
+}
+
+HttpReply metrics(const HttpContent& content, const Request&, const std::string&) {
+  return {200, "text/plain; version=0.0.4; charset=utf-8",
+          content.registry ? metrics_text(*content.registry) : std::string()};
+}
+
+HttpReply healthz(const HttpContent& content, const Request&, const std::string&) {
+  return health_reply(content.health);
+}
+
+HttpReply readyz(const HttpContent& content, const Request&, const std::string&) {
+  return health_reply(content.ready);
+}
+
+HttpReply state(const HttpContent& content, const Request&, const std::string&) {
+  return HttpReply::json(content.state_json ? content.state_json() : "{}");
+}
+
+template <std::function<std::string()> HttpContent::*kList>
+HttpReply list(const HttpContent& content, const Request&, const std::string&) {
+  return content.*kList ? HttpReply::json((content.*kList)()) : missing();
+}
+
+template <std::function<std::optional<std::string>(const std::string&)> HttpContent::*kOne>
+HttpReply one(const HttpContent& content, const Request&, const std::string& name) {
+  if (!(content.*kOne)) return missing();
+  auto found = (content.*kOne)(name);
+  return found ? HttpReply::json(*std::move(found))
+               : HttpReply::error(404, "there is nothing of that name");
+}
+
+HttpReply asset(const HttpContent&, const Request& request, const std::string&) {
+  const auto found = std::ranges::find(assets(), request.path, &Asset::path);
+  if (found == assets().end()) return missing();
+  return {200, std::string(found->type), std::string(found->bytes)};
+}
+
+HttpReply events(const HttpContent& content, const Request& request, const std::string&) {
+  const auto with_state = parse_flag(request.query, "state");
+  if (!with_state) return HttpReply::error(with_state.error());
+  if (!content.events) return missing();
+  HttpReply reply{200, "text/event-stream", ""};
+  reply.stream = content.events(*with_state);
+  return reply;
+}
+
+template <std::function<Result<HttpReply>(const PictureRequest&)> HttpContent::*kMaker>
+HttpReply pictures(const HttpContent& content, const Request& request, const std::string& name) {
+  auto wanted = parse_pictures(request.query);
+  if (!wanted) return HttpReply::error(wanted.error());
+  if (!(content.*kMaker)) return missing();
+  if (!name.empty()) {
+    if (!wanted->cameras.empty()) return HttpReply::error(400, "the path names the camera");
+    wanted->cameras = {name};
+  }
+  auto made = (content.*kMaker)(*wanted);
+  return made ? *std::move(made) : HttpReply::error(made.error());
+}
+
+// What somebody changed is in the log, with the name that the token was given to.
+HttpReply done(const Request& request, const Status& status, unsigned good) {
+  const std::string who = request.user.empty() ? "" : " by " + request.user;
+  if (!status) {
+    log::info("http: {}{} refused: {}", request.path, who, status.error().message());
+    return HttpReply::error(status.error());
+  }
+  log::info("http: {}{}", request.path, who);
+  return {good, "application/json", "{}\n"};
+}
+
+HttpReply hint(const HttpContent& content, const Request& request, const std::string& name) {
+  if (!content.hint) return missing();
+  const auto where = parse_hint(request.body);
+  return done(request, where ? content.hint(name, *where) : Status(where.error()), 202);
+}
+
+HttpReply forget(const HttpContent& content, const Request& request, const std::string& name) {
+  if (!content.forget) return missing();
+  const Status empty = parse_nothing(request.body);
+  return done(request, empty ? content.forget(name) : empty, 202);
+}
+
+HttpReply reload(const HttpContent& content, const Request& request, const std::string&) {
+  if (!content.reload) return missing();
+  const Status empty = parse_nothing(request.body);
+  return done(request, empty ? content.reload() : empty, 202);
+}
+
+constexpr auto kView = Role::kViewer;
+constexpr auto kOperate = Role::kOperator;
+constexpr std::array kRoutes{
+    Route{"GET", "/metrics", kView, metrics},
+    Route{"GET", "/healthz", Role::kNone, healthz},
+    Route{"GET", "/readyz", Role::kNone, readyz},
+    Route{"GET", "/api/state", kView, state},
+    Route{"GET", "/api/v1/openapi.json", kView, asset},
+    Route{"GET", "/api/v1/version", kView, list<&HttpContent::version_json>},
+    Route{"GET", "/api/v1/state", kView, state},
+    Route{"GET", "/api/v1/cameras", kView, list<&HttpContent::cameras_json>},
+    Route{"GET", "/api/v1/cameras/{name}", kView, one<&HttpContent::camera_json>},
+    Route{"GET", "/api/v1/objects", kView, list<&HttpContent::objects_json>},
+    Route{"GET", "/api/v1/objects/{name}", kView, one<&HttpContent::object_json>},
+    Route{"GET", "/api/v1/poses", kView, list<&HttpContent::poses_json>},
+    Route{"GET", "/api/v1/events", kView, events},
+    Route{"GET", "/api/v1/pictures", kView, pictures<&HttpContent::pictures>},
+    Route{"POST", "/api/v1/objects/{name}/hint", kOperate, hint},
+    Route{"POST", "/api/v1/objects/{name}/forget", kOperate, forget},
+    Route{"POST", "/api/v1/reload", kOperate, reload},
+    Route{"GET", "/cameras/{name}/stream.mjpeg", kView, pictures<&HttpContent::motion_jpeg>},
+    Route{"GET", "/cameras/{name}/snapshot.jpg", kView, pictures<&HttpContent::snapshot>},
+    Route{"GET", "/", kView, asset},
+    Route{"GET", "/app.js", kView, asset},
+    Route{"GET", "/style.css", kView, asset},
+    Route{"GET", "/icon.svg", kView, asset},
+};
+
+// The part of the path that stands for "{name}" ("" where there is none); nullopt: another path.
+std::optional<std::string> match_pattern(std::string_view pattern, std::string_view path) {
+  constexpr std::string_view kHole = "{name}";
+  const size_t hole = pattern.find(kHole);
+  if (hole == std::string_view::npos) {
+    return pattern == path ? std::optional(std::string()) : std::nullopt;
+  }
+  const std::string_view before = pattern.substr(0, hole);
+  const std::string_view behind = pattern.substr(hole + kHole.size());
+  if (path.size() <= before.size() + behind.size() || !path.starts_with(before) ||
+      !path.ends_with(behind)) {
+    return std::nullopt;
+  }
+  const auto name = path.substr(before.size(), path.size() - before.size() - behind.size());
+  if (name.find('/') != std::string_view::npos) return std::nullopt;
+  return std::string(name);
+}
+
+}  // namespace
+
+std::span<const Route> routes() { return kRoutes; }
+
+Match match(std::string_view method, std::string_view path) {
+  Match result;
+  for (const Route& route : kRoutes) {
+    auto name = match_pattern(route.pattern, path);
+    if (!name) continue;
+    if (!result.allowed.empty()) result.allowed += ", ";
+    result.allowed += route.method == "GET" ? "GET, HEAD" : route.method;
+    if (route.method != method) continue;
+    result.route = &route;
+    result.name = *std::move(name);
+  }
+  return result;
+}
+
+}  // namespace sightline::control

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <microhttpd.h>
+
+#include <memory>
+
+#include "control/connection_loop.hpp"
+#include "sightline/control/http_content.hpp"
+
+namespace sightline::control {
+
+/// A response whose body is `stream`; the connection rests while that has nothing. `count` is one
+/// more while it is sent. Null if there is no memory.
+MHD_Response* make_stream_response(ConnectionLoop& loop, MHD_Connection* connection,
+                                   std::shared_ptr<HttpStream> stream, unsigned& count);
+
+}  // namespace sightline::control

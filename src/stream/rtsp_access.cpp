@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "stream/rtsp_access.hpp"
+
+#include <memory>
+
+#include "stream/gst_ptr.hpp"
+
+namespace sightline::stream {
+namespace {
+
+constexpr const char* kWatcher = "watcher";
+
+struct UnrefToken {
+  void operator()(GstRTSPToken* token) const { gst_rtsp_token_unref(token); }
+};
+
+}  // namespace
+
+void ask_for_passwords(GstRTSPServer* server, std::span<const RtspUser> users) {
+  if (users.empty()) return;
+  const GObjectPtr<GstRTSPAuth> auth(gst_rtsp_auth_new());
+  gst_rtsp_auth_set_supported_methods(auth.get(), GST_RTSP_AUTH_DIGEST);
+  gst_rtsp_auth_set_realm(auth.get(), "Sightline");
+  for (const RtspUser& user : users) {
+    const std::unique_ptr<GstRTSPToken, UnrefToken> token(
+        gst_rtsp_token_new(GST_RTSP_TOKEN_MEDIA_FACTORY_ROLE, G_TYPE_STRING, kWatcher, nullptr));
+    gst_rtsp_auth_add_digest(auth.get(), user.name.c_str(), user.secret.c_str(), token.get());
+  }
+  gst_rtsp_server_set_auth(server, auth.get());
+}
+
+void let_users_watch(GstRTSPMediaFactory* factory) {
+  gst_rtsp_media_factory_add_role(factory, kWatcher, GST_RTSP_PERM_MEDIA_FACTORY_ACCESS,
+                                  G_TYPE_BOOLEAN, TRUE, GST_RTSP_PERM_MEDIA_FACTORY_CONSTRUCT,
+                                  G_TYPE_BOOLEAN, TRUE, nullptr);
+}
+
+}  // namespace sightline::stream

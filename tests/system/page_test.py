@@ -1,0 +1,142 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""The page in a headless Chromium against a real daemon: live pictures in every tile, states and events, a picture that
+gets stale, one camera large, hints and forget by mouse and keyboard, themes, phone width, names for assistive programs,
+and no error on the console. With SIGHTLINE_SCREENSHOTS it leaves pictures in that folder."""
+import os
+import signal
+import sys
+import unittest
+
+from browser import Browser, chromium
+from support import BENCH, DaemonCase, installation, wait_until
+
+SHOTS = os.environ.get("SIGHTLINE_SCREENSHOTS")
+SEQUENCE = "+document.querySelector('[data-camera={}] canvas').dataset.sequence"
+
+
+class Page(DaemonCase):
+    def open(self, daemon, query="", **options):
+        browser = Browser(**options)
+        self.addCleanup(browser.close)
+        browser.go(f"http://127.0.0.1:{daemon.http}/{query}")
+        return browser
+
+    def shot(self, browser, name, whole=False):
+        if SHOTS:
+            browser.screenshot(os.path.join(SHOTS, name + ".png"), whole)
+
+    def live(self, browser, cameras=("left", "right", "side")):
+        for camera in cameras:
+            browser.wait_for(f"document.querySelector('[data-camera={camera}] .chip')?.textContent === 'live'", f"{camera} is live")
+            first = browser.run(SEQUENCE.format(camera))
+            browser.wait_for(f"{SEQUENCE.format(camera)} > {first} + 5 || {SEQUENCE.format(camera)} < {first}", f"{camera} moves")
+
+    def test_it_shows_what_is_there(self):
+        daemon = self.start()
+        browser = self.open(daemon, "?theme=light", width=1360)
+        self.live(browser)
+        self.assertEqual(browser.run("document.title"), "test – Sightline")
+        # What is drawn are the pictures of the cameras, and not an empty canvas.
+        colors = "(() => { const c = document.querySelector('[data-camera=left] canvas'); const d = c.getContext('2d')" \
+                 ".getImageData(0, 0, c.width, c.height).data; return new Set(d).size; })()"
+        self.assertGreater(browser.run(colors), 100)
+        browser.wait_for("document.querySelector('[data-object=carton] .chip').textContent.includes('tracking')", "it tracks")
+        browser.wait_for("/\\d m$/.test(document.querySelector('[data-object=carton] dd').textContent)", "it has a place")
+        browser.wait_for("/carton: tracking/.test(document.getElementById('events').textContent)", "it is an event")
+        browser.wait_for("/\\d mm$/.test(document.querySelector('.plot span + span').textContent)", "it is plotted")
+        self.shot(browser, "light")
+        browser.run("document.getElementById('theme').click()")
+        self.assertEqual(browser.run("document.documentElement.dataset.theme"), "dark")
+        self.shot(browser, "dark")
+        self.assertEqual(browser.problems, [])
+        self.assertEqual(daemon.stop(), 0)
+
+    def test_it_fits_a_phone_and_speaks_its_names(self):
+        daemon = self.start()
+        browser = self.open(daemon, width=390, height=844)
+        self.live(browser, ("left",))
+        self.assertLessEqual(browser.run("document.documentElement.scrollWidth"), 390)
+        self.shot(browser, "phone", whole=True)
+        names = browser.accessible_names()
+        for expected in (("button", "Enlarge left"), ("button", "Say where carton is, in a picture"),
+                         ("button", "Forget where carton is"), ("article", "Camera side"), ("article", "Object carton")):
+            self.assertIn(expected, names)
+        self.assertEqual([name for name in names if name[0] in ("button", "link", "image", "img", "article") and not name[1]], [])
+        self.assertEqual(browser.problems, [])
+
+    def test_one_camera_is_large_and_only_that_is_fetched(self):
+        daemon = self.start()
+        browser = self.open(daemon)
+        self.live(browser)
+        browser.run("document.querySelector('[data-camera=right] button').focus()")
+        browser.key("Enter", 13)
+        browser.wait_for("document.querySelectorAll('.tile:not([hidden])').length === 1", "one is shown")
+        browser.wait_for("document.querySelector('[data-camera=right] canvas').clientWidth > 600", "it is large")
+        watchers = lambda: [camera["picture_viewers"] for camera in daemon.state()["cameras"]]
+        wait_until(lambda: watchers() == [0, 1, 0], "the others are not fetched")
+        self.shot(browser, "large")
+        browser.key("Escape", 27)
+        browser.wait_for("document.querySelectorAll('.tile:not([hidden])').length === 3", "all are shown")
+        self.live(browser)
+        self.assertEqual(browser.problems, [])
+
+    def test_a_picture_that_stands_still_is_seen_to_be_old(self):
+        daemon = self.start()
+        browser = self.open(daemon)
+        self.live(browser)
+        daemon.process.send_signal(signal.SIGSTOP)
+        try:
+            browser.wait_for("document.querySelectorAll('.stale').length === 3", "all are gray")
+            browser.wait_for("/no picture for \\d+ s/.test(document.querySelector('.note').textContent)", "it says how long")
+            browser.wait_for("/not known/.test(document.querySelector('[data-object=carton] .chip').textContent)", "nor is the state")
+            browser.wait_for("/^silent for/.test(document.getElementById('link').textContent)", "and why")
+            self.shot(browser, "stale")
+        finally:
+            daemon.process.send_signal(signal.SIGCONT)
+        self.live(browser)
+        browser.wait_for("document.querySelectorAll('.stale').length === 0", "they are fresh again")
+
+    def test_an_operator_points_and_forgets(self):
+        daemon = self.start()
+        browser = self.open(daemon)
+        self.live(browser, ("left",))
+        browser.run("document.querySelector('[data-object=carton] .do button').click()")
+        box = browser.run("(() => { const b = document.querySelector('[data-camera=left] canvas').getBoundingClientRect();"
+                          "return [b.left + b.width / 2, b.top + b.height / 2]; })()")
+        browser.click(*box)
+        # This object has markers: the daemon says so, and the page says it.
+        events = "document.getElementById('events').textContent"
+        browser.wait_for(f"/hint for carton refused: .*has markers/.test({events})", "the answer is shown")
+        browser.run("document.querySelector('[data-camera=left] canvas').focus()")
+        browser.key("ArrowRight", 39)
+        browser.key("Enter", 13)
+        browser.wait_for(f"({events}.match(/has markers/g) ?? []).length === 2", "the keyboard points too")
+        browser.key("Escape", 27)
+        self.assertEqual(browser.run("document.querySelector('.pointing')"), None)
+        self.assertIn("carton/hint refused", daemon.log_text())
+        browser.run("document.querySelector('[data-object=carton] .do button + button').click()")
+        browser.wait_for(f"/carton forgotten/.test({events})", "it is forgotten")
+        self.assertIn("carton: forgotten", daemon.log_text())
+        # A refused order is an error of the network to the browser, and nothing else is.
+        self.assertEqual([problem for problem in browser.problems if "400" not in problem], [])
+
+    def test_a_reload_changes_the_page_and_a_refused_one_is_told(self):
+        daemon = self.start()
+        browser = self.open(daemon)
+        self.live(browser)
+        self.assertTrue(self.reload(daemon, installation(http=0, cameras=("left", "right"))))
+        browser.wait_for("document.querySelectorAll('.tile').length === 2", "the tile is gone")
+        self.live(browser, ("left", "right"))
+        self.assertFalse(self.reload(daemon, "nonsense = 1"))
+        browser.wait_for("/was refused/.test(document.getElementById('banner').textContent)", "it is told")
+        self.shot(browser, "refused")
+        self.assertEqual(browser.problems, [])
+
+
+if __name__ == "__main__":
+    assert os.path.isdir(BENCH)
+    if chromium() is None:
+        print("skipped: no chromium on this machine (scripts/deps installs it)")
+        sys.exit(77)
+    unittest.main(verbosity=2)

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the daemon says (/api/v1/openapi.json), and how it is asked.
+
+export type TrackState = "searching" | "tracking" | "degraded" | "coasting" | "lost";
+
+export interface Camera {
+  name: string; width: number; height: number; observes: boolean; streams: boolean; present: boolean;
+  frames_lost: number; not_observed: number; not_drawn: number; rate_hz: number; capture_latency_s: number;
+  viewers: number; picture_viewers: number; no_signal_since?: string; problem?: string;
+}
+export interface VirtualCamera { name: string; width: number; height: number; viewers: number; picture_viewers: number }
+export interface Pose {
+  state: TrackState; t_ns?: number; utc_ns?: number; translation_m?: [number, number, number]; sigma_t_mm?: number;
+  sigma_r_deg?: number; reasons?: string[]; cameras?: string[];
+}
+export interface SeenObject extends Pose { name: string; points?: { rms_mm: number; contradicts: boolean } }
+export interface PoseEvent extends Pose { object: string }
+export interface State {
+  name: string; utc_ns: number; config: { file: string; loaded: string; refused?: { at: string; problem: string } };
+  recording?: { state: string; folder?: string; problem?: string };
+  waiting?: { thread: string; for: string; since: string }[];
+  cameras: Camera[]; virtual_cameras: VirtualCamera[]; objects: SeenObject[];
+}
+
+/** Posts an order; returns what is wrong, or null. */
+export async function order(path: string, body: unknown): Promise<string | null> {
+  try {
+    const answer = await fetch(path, {
+      method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body),
+    });
+    if (answer.ok) return null;
+    const said = await answer.json() as { error?: string };
+    return said.error ?? `refused (${answer.status})`;
+  } catch {
+    return "the daemon does not answer";
+  }
+}
+
+export interface Listener {
+  state(state: State): void;
+  pose(pose: PoseEvent): void;
+  missed(poses: number): void;
+  link(up: boolean): void;
+}
+
+/** Follows the event stream for ever; the browser connects again by itself. */
+export function follow(listener: Listener): void {
+  const source = new EventSource("api/v1/events?state=1");
+  source.addEventListener("open", () => listener.link(true));
+  source.addEventListener("error", () => {
+    listener.link(false);
+    if (source.readyState !== EventSource.CLOSED) return;
+    source.close();  // it was refused: not tried again unless we do
+    setTimeout(() => follow(listener), 2000);
+  });
+  const on = <T>(name: string, take: (data: T) => void) =>
+    source.addEventListener(name, (event) => take(JSON.parse((event as MessageEvent<string>).data) as T));
+  on<State>("state", (state) => listener.state(state));
+  on<PoseEvent>("pose", (pose) => listener.pose(pose));
+  on<{ poses: number }>("missed", (missed) => listener.missed(missed.poses));
+}
