@@ -31,6 +31,11 @@ Status try_encoder(const Installation& next) {
   return {};
 }
 
+bool begins_source(const Installation& installation) {
+  return installation.record.enabled &&
+         RecordConfig::names(installation.record.kinds, RecordingKind::kSource);
+}
+
 void hint_last_poses(const Installation& installation, ObjectSearch& search) {
   const auto starts_there = [](const ObjectConfig& object) { return object.start_last; };
   if (std::ranges::none_of(installation.objects, starts_there)) return;
@@ -71,9 +76,11 @@ Result<SystemDraft> SystemBuilder::prepare(Installation next, std::stop_token st
   SL_RETURN_IF_ERROR(check_not_stopped(stop));
   if (draft.plan.fusion || !old_.fusion) {
     system.board = std::make_shared<TrackBoard>(system.rig->objects.size());
-    const auto hear = [taps = context_.taps, poses = context_.poses](const PoseEstimate& estimate,
-                                                                     FusionWorker::Cause cause) {
+    const auto hear = [taps = context_.taps, poses = context_.poses,
+                       recordings = context_.recordings](const PoseEstimate& estimate,
+                                                         FusionWorker::Cause cause) {
       poses->push(estimate);
+      recordings->push(estimate, cause == FusionWorker::Cause::kFrame);
       if (cause != FusionWorker::Cause::kFrame) return;
       if (const auto recorder = taps->recorder.read()) recorder->push(estimate);
     };
@@ -223,6 +230,10 @@ Result<RecorderOptions> SystemBuilder::recorder_options(const Installation& next
   RecorderOptions options;
   options.directory = next.record.directory;
   options.folder = context_.record_to;
+  // What somebody ordered outlasts a reload.
+  const bool ordered =
+      old_.recorder && old_.recorder->wanted_for_good() && !begins_source(old_.installation);
+  options.wanted = begins_source(next) || ordered;
   RecordingWriterOptions& writer = options.writer;
   writer.name = next.name;
   writer.raw_storage = next.record.raw_storage;

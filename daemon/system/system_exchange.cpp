@@ -170,6 +170,7 @@ void SystemExchange::rename_poses() {
   for (const RigObject& object : next_.rig->objects) names.objects.push_back(object.named.name);
   for (const CameraConfig& camera : next_.installation.cameras)
     names.cameras.push_back(camera.name);
+  context_.recordings->rename(names);
   context_.poses->rename(std::move(names));
 }
 
@@ -196,7 +197,8 @@ Result<std::shared_ptr<StreamOutput>> SystemExchange::output_of(const std::strin
   }
   SL_ASSIGN(auto stream, add_stream(name, options));
   return StreamOutput::create(name, options, next_.rig->names(), std::move(stream),
-                              context_.pictures->slot(name), context_.registry);
+                              context_.pictures->slot(name), context_.recordings->viewing(),
+                              context_.registry);
 }
 
 // Of workers that go on, to a server that is another now.

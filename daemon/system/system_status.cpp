@@ -2,24 +2,15 @@
 #include "system/system_status.hpp"
 
 #include <cmath>
-#include <ctime>
 #include <nlohmann/json.hpp>
 
 #include "web/pose_json.hpp"
+#include "web/utc_text.hpp"
 
 namespace sightline {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-std::string utc_text(int64_t utc_ns) {
-  const auto seconds = static_cast<time_t>(utc_ns / 1'000'000'000);
-  std::tm parts{};
-  gmtime_r(&seconds, &parts);
-  char text[32];
-  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &parts);
-  return text;
-}
 
 Json camera_json(const CameraWorker& camera) {
   const CameraStatus status = camera.status();
@@ -176,7 +167,9 @@ std::string state_json(const System& system, const ConfigReport& config,
   Json json{{"name", system.installation.name},
             {"utc_ns", utc_now_ns()},
             {"config", config_json(config)}};
-  if (system.recorder) json["recording"] = recording_json(system.recorder->status());
+  if (system.recorder && system.recorder->wanted()) {
+    json["recording"] = recording_json(system.recorder->status());
+  }
   for (const ThreadWait& wait : waits) json["waiting"].push_back(wait_json(wait));
   json["cameras"] = cameras_array(system);
   json["virtual_cameras"] = views_array(system);

@@ -13,9 +13,11 @@ std::shared_ptr<StreamOutput> StreamOutput::create(std::string camera, EncoderOp
                                                    std::vector<NamedObject> names,
                                                    std::shared_ptr<RtspStream> stream,
                                                    std::shared_ptr<PictureSlot> pictures,
+                                                   std::shared_ptr<KindRecorder> recorder,
                                                    Registry& registry) {
-  std::shared_ptr<StreamOutput> output(new StreamOutput(
-      std::move(camera), std::move(options), std::move(names), std::move(pictures), registry));
+  std::shared_ptr<StreamOutput> output(new StreamOutput(std::move(camera), std::move(options),
+                                                        std::move(names), std::move(pictures),
+                                                        std::move(recorder), registry));
   output->move_to(std::move(stream));
   return output;
 }
@@ -36,9 +38,10 @@ void StreamOutput::adopt(std::vector<NamedObject> names,
 
 StreamOutput::StreamOutput(std::string camera, EncoderOptions options,
                            std::vector<NamedObject> names, std::shared_ptr<PictureSlot> pictures,
-                           Registry& registry)
+                           std::shared_ptr<KindRecorder> recorder, Registry& registry)
     : camera_(std::move(camera)),
       pictures_(std::move(pictures)),
+      recorder_(std::move(recorder)),
       created_(std::move(options)),
       options_(created_),
       names_(std::move(names)),
@@ -67,9 +70,19 @@ std::string StreamOutput::encoder_name() const {
 
 bool StreamOutput::make_encoder() {
   if (MonotonicClock::now() < retry_at_) return false;
-  auto made = VideoEncoder::create(options_, camera_, [stream = stream_](EncodedPacket packet) {
-    stream->read()->push(packet);
-  });
+  const auto hand_out =
+      [stream = stream_, recorder = recorder_, packets = packets_,
+       view = ViewPacket{camera_, options_.width, options_.height, options_.rate_hz, 0, {}}](
+          EncodedPacket packet) {
+        stream->read()->push(packet);
+        const uint64_t number = ++*packets;
+        if (!recorder->wants()) return;
+        ViewPacket recorded = view;
+        recorded.number = number;
+        recorded.packet = std::move(packet);
+        recorder->push(std::move(recorded));
+      };
+  auto made = VideoEncoder::create(options_, camera_, hand_out);
   if (!made) {
     log::error("{}: {}", camera_, made.error().message());
     retry_at_ = MonotonicClock::now() + 5s;
@@ -84,7 +97,10 @@ bool StreamOutput::make_encoder() {
 
 void StreamOutput::accept(const AnnotatedImage& image) {
   pictures_->offer(PictureKind::kAnnotated, image.image, image.frame);
-  if (!stream_->read()->wanted()) return;
+  if (!video_wanted()) return;
+  // A recording begins with a key frame.
+  const uint64_t begun = recorder_->begun();
+  if (std::exchange(recordings_seen_, begun) != begun) *keyframe_wanted_ = true;
   auto current = encoder();
   if (current) {
     if (const auto failure = current->failure()) {

@@ -82,6 +82,7 @@ InstallationChanges compare(const Installation& before, const Installation& afte
   changes.encoder = before.encoder != after.encoder;
   changes.http = before.http != after.http;
   changes.record = before.record != after.record;
+  changes.mqtt = before.mqtt != after.mqtt;
   changes.action = before.action != after.action;
   changes.daemon = before.daemon != after.daemon;
   return changes;
@@ -116,6 +117,7 @@ std::string InstallationChanges::summary() const {
                                                    {encoder, "encoder"},
                                                    {http, "http"},
                                                    {record, "record"},
+                                                   {mqtt, "mqtt"},
                                                    {action, "action"},
                                                    {daemon, "daemon"}};
   for (const auto& [changed, section] : sections) {

@@ -16,13 +16,14 @@ struct Request {
   std::string path;
   Query query;
   std::string body;
-  std::string user;  ///< whose token it came with; empty: nobody's
+  std::string user;   ///< whose token it came with; empty: nobody's
+  std::string range;  ///< header of that name
 };
 
 /// One line of what is served.
 struct Route {
   std::string_view method;   ///< "GET" (HEAD too) or "POST"
-  std::string_view pattern;  ///< "{name}" stands for one part of a path
+  std::string_view pattern;  ///< "{name}" stands for one part of a path, "{path}" for two
   Role role;                 ///< that it takes at least
   HttpReply (*answer)(const HttpContent&, const Request&, const std::string& name);
 };
