@@ -242,12 +242,12 @@ class Room(Recordings):
 
 
 class FullDisk(Recordings):
-    """The directory is a tmpfs of 80 MiB, of which a recording needs 64 for its start."""
+    """The directory is a tmpfs of 160 MiB, of which a recording needs 64 for its start."""
 
     def test_a_full_disk_ends_recordings_and_nothing_else(self):
-        daemon = self.start(self.text('kinds = ["viewing", "poses", "source"]\n'))
+        daemon = self.start(self.text('kinds = ["viewing", "poses"]\n'))
         client = Client(daemon.http)
-        probe = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=80m", "tmpfs", self.directory], check=False,
+        probe = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=160m", "tmpfs", self.directory], check=False,
                                capture_output=True, text=True)
         if probe.returncode != 0:
             self.skipTest(f"no tmpfs can be mounted here: {probe.stderr.strip()}")

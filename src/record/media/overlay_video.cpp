@@ -101,8 +101,8 @@ Result<std::unique_ptr<OverlayVideoWriter>> OverlayVideoWriter::create(
   }
   SL_ASSIGN(const auto settings, choose_encoder(options, where));
   SL_ASSIGN(auto encoder, Encoder::create(settings, where));
-  SL_ASSIGN(auto file, VideoFile::create(path, OutFile::Existing::kReplace,
-                                            *encoder->parameters(), options.rate_hz));
+  SL_ASSIGN(auto file, VideoFile::create(path, OutFile::Existing::kReplace, *encoder->parameters(),
+                                         options.rate_hz));
   return std::unique_ptr<OverlayVideoWriter>(
       std::make_unique<LibavOverlayVideo>(std::move(encoder), std::move(file), options, where));
 }

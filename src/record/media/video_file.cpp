@@ -55,7 +55,7 @@ Result<std::unique_ptr<VideoFile>> VideoFile::create(const std::filesystem::path
 }
 
 Status VideoFile::start(const AVCodecParameters& parameters, double rate_hz, Container container) {
-  const bool mp4 = container == Container::kFragmentedMp4;
+  const bool mp4 = cut_ = container == Container::kFragmentedMp4;
   packet_.reset(av_packet_alloc());
   auto* buffer = static_cast<unsigned char*>(av_malloc(kIoBuffer));
   SL_CHECK(packet_ && buffer, "out of memory");
@@ -121,7 +121,9 @@ Status VideoFile::write(AVPacket* packet) {
 Status VideoFile::flush() {
   const int code = av_write_frame(format_, nullptr);
   avio_flush(io_);
-  return check("flush the video", code);
+  const Status flushed = check("flush the video", code);
+  if (flushed) whole_ = size_;
+  return flushed;
 }
 
 Status VideoFile::close() {
@@ -132,6 +134,8 @@ Status VideoFile::close() {
     avio_flush(io_);
   }
   const Status finished = check("finish the video", code);
+  // What a full disk took of the last fragment would be shown as damage.
+  if (!finished && cut_ && whole_ > 0) (void)file_.truncate(whole_);
   const Status closed = file_.close();
   return finished ? closed : finished;
 }
@@ -141,6 +145,7 @@ int VideoFile::write_callback(void* self, const uint8_t* bytes, int size) {
   if (!file.written_) return AVERROR(EIO);
   file.written_ =
       file.file_.write({reinterpret_cast<const char*>(bytes), static_cast<size_t>(size)});
+  if (file.written_) file.size_ += size;
   return file.written_ ? size : AVERROR(EIO);
 }
 

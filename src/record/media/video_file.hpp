@@ -49,7 +49,9 @@ class VideoFile {
   AVFormatContext* format_ = nullptr;
   AVIOContext* io_ = nullptr;
   av::PacketPtr packet_;
-  bool started_ = false;  ///< the head is written
+  bool started_ = false;          ///< the head is written
+  bool cut_ = false;              ///< a part of a fragment is of no use
+  int64_t size_ = 0, whole_ = 0;  ///< [bytes] written, and of these up to the last flush
   int64_t last_ms_ = -1;
 };
 

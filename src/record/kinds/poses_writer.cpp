@@ -2,7 +2,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "record/mcap_file.hpp"
+#include "record/kinds/mcap_file.hpp"
 #include "record/recording_folder.hpp"
 #include "sightline/record/kind_writer.hpp"
 
