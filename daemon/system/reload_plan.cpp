@@ -66,6 +66,7 @@ ReloadPlan plan_reload(const Installation& before, const Installation& after,
   plan.rtsp = changes.rtsp;
   plan.http = changes.http;
   plan.actions = changes.action;
+  plan.mqtt = changes.mqtt;
   return plan;
 }
 

@@ -13,6 +13,7 @@
 #include "workers/frame_taps.hpp"
 #include "workers/fusion_worker.hpp"
 #include "workers/last_pose_keeper.hpp"
+#include "workers/mqtt_worker.hpp"
 #include "workers/virtual_camera_worker.hpp"
 
 namespace sightline {
@@ -43,6 +44,7 @@ struct System {
   std::vector<std::shared_ptr<CameraWorker>> cameras{};  ///< by CameraId
   std::vector<std::shared_ptr<VirtualCameraWorker>> views{};
   std::shared_ptr<ActionWorker> actions{};       ///< null: none are sent
+  std::shared_ptr<MqttWorker> mqtt{};            ///< null: no broker
   std::shared_ptr<LastPoseKeeper> last_poses{};  ///< null: no object starts where it was last
 
   /// Somebody says where an object is: it is looked for there first, in the next ten seconds, if it

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <set>
 
+#include "system/system_status.hpp"
+
 namespace sightline {
 namespace {
 
@@ -81,6 +83,7 @@ Status SystemExchange::switch_over() {
   context_.taps->recorder.publish(next_.recorder);
   start_search();
   start_actions();
+  start_mqtt();
   keep_last_poses();
   return {};
 }
@@ -166,10 +169,7 @@ void SystemExchange::exchange_stages() {
 }
 
 void SystemExchange::rename_poses() {
-  FeedNames names;
-  for (const RigObject& object : next_.rig->objects) names.objects.push_back(object.named.name);
-  for (const CameraConfig& camera : next_.installation.cameras)
-    names.cameras.push_back(camera.name);
+  FeedNames names = feed_names(next_);
   context_.recordings->rename(names);
   context_.poses->rename(std::move(names));
 }
@@ -275,6 +275,13 @@ void SystemExchange::start_actions() {
   if (!draft_.plan.actions) return;
   if (old_.actions) old_.actions->stop();
   next_.actions = ActionWorker::start(next_.installation.action, context_.registry, context_.beats);
+}
+
+void SystemExchange::start_mqtt() {
+  if (!draft_.plan.mqtt) return;
+  if (old_.mqtt) (void)old_.mqtt->stop_unless_waiting(std::chrono::seconds(1));
+  next_.mqtt =
+      MqttWorker::start(next_.installation.mqtt, context_.poses, context_.registry, context_.beats);
 }
 
 void SystemExchange::retire_old() {

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "sightline/base/files.hpp"
+#include "sightline/calibrate/calibration_file.hpp"
 #include "web/pose_json.hpp"
 #include "web/utc_text.hpp"
 
@@ -170,6 +172,13 @@ std::string state_json(const System& system, const ConfigReport& config,
   if (system.recorder && system.recorder->wanted()) {
     json["recording"] = recording_json(system.recorder->status());
   }
+  if (system.mqtt) {
+    const MqttStatus mqtt = system.mqtt->status();
+    json["mqtt"] = {
+        {"broker", fmt::format("{}:{}", system.mqtt->options().host, system.mqtt->options().port)},
+        {"connected", mqtt.connected}};
+    if (!mqtt.problem.empty()) json["mqtt"]["problem"] = mqtt.problem;
+  }
   for (const ThreadWait& wait : waits) json["waiting"].push_back(wait_json(wait));
   json["cameras"] = cameras_array(system);
   json["virtual_cameras"] = views_array(system);
@@ -194,12 +203,22 @@ std::optional<std::string> object_json(const System& system, const std::string& 
   return std::nullopt;
 }
 
+FeedNames feed_names(const System& system) {
+  FeedNames names;
+  std::vector<CalibratedCamera> calibration;
+  for (const CameraConfig& camera : system.installation.cameras) {
+    names.cameras.push_back(camera.name);
+    calibration.push_back(camera.calibration);
+  }
+  for (const RigObject& object : system.rig->objects) names.objects.push_back(object.named.name);
+  names.calibration = fmt::format("{:016x}", content_hash(format_calibration(calibration)));
+  return names;
+}
+
 std::string poses_json(const System& system) {
   std::vector<PoseTrackPtr> tracks;
   if (system.board) system.board->read(tracks);
-  FeedNames names;
-  for (const auto& camera : system.cameras) names.cameras.push_back(camera->name());
-  for (const RigObject& object : system.rig->objects) names.objects.push_back(object.named.name);
+  const FeedNames names = feed_names(system);
   std::string text = "[";
   for (size_t i = 0; i < tracks.size(); ++i) {
     PoseEstimate estimate;

@@ -410,12 +410,11 @@ void InstallationReader::read_publish() {
   if (auto mqtt = publish->table("mqtt")) {
     SectionReader reader(*mqtt, path_, files_);
     config::visit(reader, result_.mqtt);
-    if (result_.mqtt.host.empty()) mqtt->require("host", "the broker, as in \"127.0.0.1\"");
     const std::string& topic = result_.mqtt.topic;
     if (topic.empty() || topic.find_first_of("+#") != std::string::npos || topic[0] == '/') {
       mqtt->problem("topic", "a topic without +, # and a / in front, as in \"site/sightline\"");
     }
-    if (!mqtt_available()) {
+    if (!mqtt_available() && !result_.mqtt.host.empty()) {
       mqtt->problem("host", "this program was built without MQTT (libmosquitto)",
                     ErrorCode::kUnavailable);
     }

@@ -18,6 +18,7 @@ namespace {
 constexpr Duration kFirstWait = 1s, kMaxWait = 30s;  // between attempts to connect
 constexpr int kKeepAlive_s = 15;                     // a broker that is silent for longer is gone
 constexpr int kGoodbyeTurns = 20;                    // of 10 ms, for what is left to send
+constexpr const char* kRefused = "the broker refuses: ";
 constexpr size_t kMostPassword = 4096;
 
 void init_library() {
@@ -117,7 +118,7 @@ class MosquittoClient final : public MqttClient {
   void on_answer(int code) {
     connected_ = code == 0;
     if (code != 0) {
-      problem_ = std::string("the broker refuses: ") + mosquitto_connack_string(code);
+      problem_ = std::string(kRefused) + mosquitto_connack_string(code);
       return;
     }
     problem_.clear();
@@ -128,8 +129,9 @@ class MosquittoClient final : public MqttClient {
 
   void lose(int code) {
     connected_ = false;
-    const bool refused = problem_.starts_with("the broker refuses") && code == MOSQ_ERR_CONN_LOST;
-    if (!refused) {
+    // The library says less of it than the broker's answer did.
+    const bool answered = code == MOSQ_ERR_CONN_LOST || code == MOSQ_ERR_CONN_REFUSED;
+    if (!answered || !problem_.starts_with(kRefused)) {
       problem_ = code == MOSQ_ERR_ERRNO ? std::strerror(errno) : mosquitto_strerror(code);
     }
     wait_ = std::clamp<Duration>(2 * wait_, kFirstWait, kMaxWait);

@@ -79,7 +79,6 @@ const BadFile kBadFiles[] = {
     {"actions without a rate", base_with("[action]\ngroup_key = 2\n"), "7:1", "[action] needs"},
     {"actions that nobody waits for", base_with("[action]\nrate = 2\n"), "8:8",
      "no camera waits for action commands"},
-    {"broker without a host", base_with("[publish.mqtt]\nport = 1884\n"), "7:1", "needs"},
     {"broker with a wildcard", base_with("[publish.mqtt]\nhost = \"a\"\ntopic = \"a/#\"\n"), "9:9",
      "without +"},
     {"unknown kind", base_with("[record]\nkinds = [\"view\"]\n"), "8:9", "viewing"},
