@@ -74,7 +74,7 @@ void KindRecorder::begin(std::optional<Duration> for_at_most, const std::string&
     order_ = {true, std::max(order_.until.value_or(until), until)};
   }
   if (!more) {
-    log::info("recording {}: starts ({})", name_, why);
+    log::info({.cause = "start"}, "recording {}: starts ({})", name_, why);
     said_.clear();
     ++begun_;
   }
@@ -84,7 +84,7 @@ void KindRecorder::begin(std::optional<Duration> for_at_most, const std::string&
 void KindRecorder::end(const std::string& why) {
   const std::lock_guard lock(mutex_);
   if (!order_.wanted) return;
-  log::info("recording {}: ends ({})", name_, why);
+  log::info({.cause = "stop"}, "recording {}: ends ({})", name_, why);
   order_ = {};
   problem_.clear();
   update_wants();
@@ -271,7 +271,7 @@ void KindRecorder::fail(const Error& error) {
     folder = std::exchange(folder_, {});
     // The same words again and again would fill the journal.
     if (said_ != error.message()) {
-      log::error("recording {} stopped: {}", name_, error.message());
+      log::error({.cause = "disk"}, "recording {} stopped: {}", name_, error.message());
     }
     said_ = error.message();
     problem_ = order_.wanted ? error.message() : "";

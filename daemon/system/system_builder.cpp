@@ -6,6 +6,7 @@
 #include "sightline/base/files.hpp"
 #include "sightline/pipeline/parallel.hpp"
 #include "sightline/pipeline/rig_parts.hpp"
+#include "workers/object_events.hpp"
 
 namespace sightline {
 namespace {
@@ -77,9 +78,11 @@ Result<SystemDraft> SystemBuilder::prepare(Installation next, std::stop_token st
   if (draft.plan.fusion || !old_.fusion) {
     system.board = std::make_shared<TrackBoard>(system.rig->objects.size());
     const auto hear = [taps = context_.taps, poses = context_.poses,
-                       recordings = context_.recordings](const PoseEstimate& estimate,
-                                                         FusionWorker::Cause cause) {
+                       recordings = context_.recordings,
+                       events = std::make_shared<ObjectEvents>(system.rig->names())](
+                          const PoseEstimate& estimate, FusionWorker::Cause cause) {
       poses->push(estimate);
+      events->take(estimate);
       recordings->push(estimate, cause == FusionWorker::Cause::kFrame);
       if (cause != FusionWorker::Cause::kFrame) return;
       if (const auto recorder = taps->recorder.read()) recorder->push(estimate);

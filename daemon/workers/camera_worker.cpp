@@ -181,7 +181,9 @@ void CameraWorker::note_problem(const char* cause, const Error& error) {
   present_gauge_.set(0);
   std::lock_guard lock(mutex_);
   // The same words again and again would fill the journal.
-  if (problem != problem_) log::warning("{}: {}", parts_.name, problem);
+  if (problem != problem_) {
+    log::warning({.camera = parts_.name, .cause = cause}, "{}: {}", parts_.name, problem);
+  }
   problem_ = problem;
   open_ = false;
   rate_.set(0);
@@ -191,7 +193,7 @@ void CameraWorker::note_signal() {
   present_gauge_.set(1);
   std::lock_guard lock(mutex_);
   if (problem_.empty()) return;
-  log::info("{}: signal is back", parts_.name);
+  log::info({.camera = parts_.name}, "{}: signal is back", parts_.name);
   problem_.clear();
 }
 
@@ -205,7 +207,7 @@ std::unique_ptr<FrameSource> CameraWorker::open_or_wait(std::stop_token stop, He
     signal_.source_open(MonotonicClock::now());
     std::lock_guard lock(mutex_);
     open_ = true;
-    if (problem_.empty()) log::info("{}: source open", parts_.name);
+    if (problem_.empty()) log::info({.camera = parts_.name}, "{}: source open", parts_.name);
     return *std::move(opened);
   }
   if (stop.stop_requested()) return nullptr;  // given up for that
@@ -265,7 +267,7 @@ void CameraWorker::capture_from(std::unique_ptr<FrameSource>& source, std::stop_
       continue;
     }
     if (step->kind == SourceStep::Kind::kEnd) {
-      log::info("{}: end of the recording", parts_.name);
+      log::info({.camera = parts_.name}, "{}: end of the recording", parts_.name);
       std::lock_guard lock(mutex_);
       ended_ = true;
       return;

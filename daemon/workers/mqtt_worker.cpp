@@ -78,7 +78,8 @@ void MqttWorker::note(bool connected, const std::string& problem) {
   if (connected && !status_.connected) {
     log::info("mqtt: connected to {}:{}", options_.host, options_.port);
   } else if (!connected && !problem.empty() && problem != status_.problem) {
-    log::warning("mqtt: {}:{}: {}; it is tried again", options_.host, options_.port, problem);
+    log::warning({.cause = "broker"}, "mqtt: {}:{}: {}; it is tried again", options_.host,
+                 options_.port, problem);
   }
   // Between two attempts the last words stand, so that they are said once.
   status_ = {connected, connected ? "" : problem.empty() ? status_.problem : problem};

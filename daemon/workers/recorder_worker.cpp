@@ -127,7 +127,9 @@ void RecorderWorker::fail(const Error& error) {
   if (empty && retries()) remove_folder();
   std::lock_guard lock(mutex_);
   // The same words again and again would fill the journal.
-  if (said_ != error.message()) log::error("recording stopped: {}", error.message());
+  if (said_ != error.message()) {
+    log::error({.cause = "disk"}, "recording stopped: {}", error.message());
+  }
   said_ = error.message();
   status_ = error;
   folder_.clear();

@@ -84,11 +84,11 @@ bool StreamOutput::make_encoder() {
       };
   auto made = VideoEncoder::create(options_, camera_, hand_out);
   if (!made) {
-    log::error("{}: {}", camera_, made.error().message());
+    log::error({.camera = camera_, .cause = "encoder"}, "{}: {}", camera_, made.error().message());
     retry_at_ = MonotonicClock::now() + 5s;
     return false;
   }
-  log::info("{}: encoding with {}", camera_, (*made)->encoder_name());
+  log::info({.camera = camera_}, "{}: encoding with {}", camera_, (*made)->encoder_name());
   counted_ = {};
   std::lock_guard lock(mutex_);
   encoder_ = *std::move(made);
@@ -104,7 +104,8 @@ void StreamOutput::accept(const AnnotatedImage& image) {
   auto current = encoder();
   if (current) {
     if (const auto failure = current->failure()) {
-      log::error("{}: encoder lost: {}", camera_, failure->message());
+      log::error({.camera = camera_, .cause = "encoder"}, "{}: encoder lost: {}", camera_,
+                 failure->message());
       close();
       retry_at_ = MonotonicClock::now() + 1s;
       current.reset();
