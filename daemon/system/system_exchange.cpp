@@ -252,6 +252,9 @@ void SystemExchange::start_search() {
     next_.search = SearchWorker::start(
         std::move(draft_.search), next_.cameras.size(), next_.board,
         [fusion = next_.fusion](Observation found) { fusion->push(std::move(found)); },
+        [fusion = next_.fusion](ObjectId object, bool doubted) {
+          fusion->set_doubted(object, doubted);
+        },
         context_.registry, context_.beats);
   }
   context_.taps->search.publish(next_.search);

@@ -35,7 +35,8 @@ FusionWorker::FusionWorker(std::unique_ptr<ObjectFusion> fusion,
     : fusion_(std::move(fusion)),
       on_estimate_(std::move(on_estimate)),
       dropped_(registry.counter("sightline_observations_dropped_total",
-                                "Observations that the estimator had no time for")) {
+                                "Observations that the estimator had no time for")),
+      doubted_(objects.size()) {
   for (const NamedObject& object : objects) {
     const Labels labels{{"object", object.name}};
     counters_.push_back(
@@ -62,6 +63,10 @@ FusionWorker::FusionWorker(std::unique_ptr<ObjectFusion> fusion,
 
 void FusionWorker::push(Observation observation) {
   if (queue_.push(std::move(observation))) dropped_.add();
+}
+
+void FusionWorker::set_doubted(ObjectId object, bool doubted) {
+  doubted_.at(object.index()) = doubted;
 }
 
 void FusionWorker::forget(ObjectId object) {
@@ -149,6 +154,7 @@ void FusionWorker::log_reasons(const PoseEstimate& estimate, ReasonLog& log) {
 void FusionWorker::take(const Observation& observation) {
   const size_t index = observation.object.index();
   SL_CHECK(index < counters_.size(), "observation of an object of another installation");
+  fusion_->set_doubted(observation.object, doubted_[index]);
   const UpdateReport& report = fusion_->process({&observation, 1}).front();
   const ObjectCounters& counters = counters_[index];
   counters.accepted->add(static_cast<uint64_t>(std::popcount(report.accepted)));

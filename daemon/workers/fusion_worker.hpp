@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <atomic>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -33,6 +34,8 @@ class FusionWorker {
 
   /// Takes one frame's observation; from any thread, never waits.
   void push(Observation observation);
+  /// ObjectEstimator::set_doubted() for the observations from now on; from any thread, never waits.
+  void set_doubted(ObjectId object, bool doubted);
   /// Drops what is known of an object, a moment later; from any thread, never waits.
   void forget(ObjectId object);
   void stop();
@@ -66,6 +69,7 @@ class FusionWorker {
   std::mutex mutex_;  // guards forget_
   std::vector<ObjectId> forget_;
   Counter& dropped_;
+  std::vector<std::atomic<bool>> doubted_;  // by ObjectId
   std::vector<ObjectCounters> counters_;
   std::vector<ReasonLog> reason_logs_;
   std::jthread thread_;

@@ -18,9 +18,11 @@ constexpr Duration kStallLimit = 10s;  // a search on a busy machine
 std::unique_ptr<SearchWorker> SearchWorker::start(std::unique_ptr<ObjectSearch> search,
                                                   size_t cameras, std::shared_ptr<TrackBoard> board,
                                                   std::function<void(Observation)> on_observation,
+                                                  std::function<void(ObjectId, bool)> on_doubt,
                                                   Registry& registry, HeartbeatBoard& beats) {
-  std::unique_ptr<SearchWorker> worker(new SearchWorker(
-      std::move(search), cameras, std::move(board), std::move(on_observation), registry));
+  std::unique_ptr<SearchWorker> worker(new SearchWorker(std::move(search), cameras,
+                                                        std::move(board), std::move(on_observation),
+                                                        std::move(on_doubt), registry));
   worker->thread_ = start_watched_thread(
       beats, "find", kStallLimit,
       [raw = worker.get()](std::stop_token stop, Heartbeat& beat) { raw->run(stop, beat); });
@@ -29,10 +31,12 @@ std::unique_ptr<SearchWorker> SearchWorker::start(std::unique_ptr<ObjectSearch> 
 
 SearchWorker::SearchWorker(std::unique_ptr<ObjectSearch> search, size_t cameras,
                            std::shared_ptr<TrackBoard> board,
-                           std::function<void(Observation)> on_observation, Registry& registry)
+                           std::function<void(Observation)> on_observation,
+                           std::function<void(ObjectId, bool)> on_doubt, Registry& registry)
     : search_(std::move(search)),
       board_(std::move(board)),
       on_observation_(std::move(on_observation)),
+      on_doubt_(std::move(on_doubt)),
       searches_(registry.counter("sightline_searches_total",
                                  "Times an object was looked for in whole images")),
       found_(registry.counter("sightline_searches_found_total", "Searches that found an object")),
@@ -80,6 +84,7 @@ void SearchWorker::run(std::stop_token stop, Heartbeat& heartbeat) {
     if (due && take_frames() && search_->complete(MonotonicClock::now())) search(stop, heartbeat);
     wait(stop, kTurn);
   }
+  for (const ObjectSearch::Doubt& doubt : search_->doubts()) on_doubt_(doubt.object, false);
 }
 
 bool SearchWorker::take_frames() {
@@ -119,6 +124,9 @@ void SearchWorker::search(const std::stop_token& stop, Heartbeat& heartbeat) {
   trail_.open();
   const ObjectSearch::Checks before = search_->checks();
   std::vector<Observation> found = search_->search(start, tracks_);
+  for (const ObjectSearch::Doubt& doubt : search_->doubts()) {
+    on_doubt_(doubt.object, doubt.doubted);
+  }
   const ObjectSearch::Checks now = search_->checks();
   const bool checked = now.done > before.done;
   (checked ? checks_ : searches_).add();

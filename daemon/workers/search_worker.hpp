@@ -23,10 +23,12 @@ namespace sightline {
 /// carried through the frames that came meanwhile before they go out.
 class SearchWorker {
  public:
-  /// `on_observation` is called on the worker's thread and must not block.
+  /// `on_observation` and `on_doubt` (whether an object's pose is doubted, ObjectSearch::doubts())
+  /// are called on the worker's thread and must not block.
   static std::unique_ptr<SearchWorker> start(std::unique_ptr<ObjectSearch> search, size_t cameras,
                                              std::shared_ptr<TrackBoard> board,
                                              std::function<void(Observation)> on_observation,
+                                             std::function<void(ObjectId, bool)> on_doubt,
                                              Registry& registry, HeartbeatBoard& beats);
   ~SearchWorker() { stop(); }
 
@@ -42,7 +44,7 @@ class SearchWorker {
  private:
   SearchWorker(std::unique_ptr<ObjectSearch> search, size_t cameras,
                std::shared_ptr<TrackBoard> board, std::function<void(Observation)> on_observation,
-               Registry& registry);
+               std::function<void(ObjectId, bool)> on_doubt, Registry& registry);
   void run(std::stop_token stop, Heartbeat& heartbeat);
   /// Hands the newest frames to the search; false if there is none.
   bool take_frames();
@@ -54,6 +56,7 @@ class SearchWorker {
   std::unique_ptr<ObjectSearch> search_;
   std::shared_ptr<TrackBoard> board_;
   std::function<void(Observation)> on_observation_;
+  std::function<void(ObjectId, bool)> on_doubt_;
   Counter &searches_, &found_, &checks_, &refuted_;
   Gauge& seconds_;
   std::atomic<bool> wanted_{true};

@@ -180,6 +180,8 @@ void ObjectEstimator::advance(Time now) {
   if (state() != before) impl_->track.reset();
 }
 
+void ObjectEstimator::set_doubted(bool doubted) { impl_->bank.set_doubted(doubted); }
+
 PoseTrackPtr ObjectEstimator::track() const {
   if (!impl_->track) impl_->track = impl_->build_track();
   return impl_->track;

@@ -49,6 +49,10 @@ std::span<const ObjectId> ObjectFusion::advance(Time now) {
   return changed_;
 }
 
+void ObjectFusion::set_doubted(ObjectId object, bool doubted) {
+  estimators_.at(object.index()).set_doubted(doubted);
+}
+
 void ObjectFusion::forget(ObjectId object) {
   const size_t index = object.index();
   auto estimator = ObjectEstimator::create(options_, object, shape_symmetry_.at(index));

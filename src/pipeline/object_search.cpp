@@ -240,14 +240,16 @@ std::vector<Observation> ObjectSearch::search(Time now, std::span<const PoseTrac
     if (next == nullptr || waits_since(target) < waits_since(*next)) next = &target;
   }
   std::vector<Observation> out;
-  if (next != nullptr) {
-    search(*next, now, out);
-    return out;
-  }
+  Target* checked = nullptr;
   for (Target& target : targets_) {
     if (!check_due(target, now, tracks)) continue;
-    check(target, now, tracks, out);
-    break;
+    if (checked == nullptr || (doubted(target) && !doubted(*checked))) checked = &target;
+  }
+  // A check takes a tenth of a search, and until it is done nothing is claimed.
+  if (checked != nullptr && (next == nullptr || doubted(*checked))) {
+    check(*checked, now, tracks, out);
+  } else if (next != nullptr) {
+    search(*next, now, out);
   }
   return out;
 }
@@ -265,6 +267,18 @@ bool ObjectSearch::check_due(const Target& target, Time now, std::span<const Pos
                          : target.checks < kEarlyChecks        ? kEarlyCheck
                                                                : usual;
   return now - target.checked >= pause;
+}
+
+// Which end is up, a nearly round shape shows so little that the first look at it errs often.
+bool ObjectSearch::doubted(const Target& target) {
+  const bool unproven = target.checks == 0 && !target.printed && target.views->near_axis();
+  return unproven || target.suspicion || target.doubts > 0;
+}
+
+std::vector<ObjectSearch::Doubt> ObjectSearch::doubts() const {
+  std::vector<Doubt> out;
+  for (const Target& target : targets_) out.push_back({target.object, doubted(target)});
+  return out;
 }
 
 void ObjectSearch::check(Target& target, Time now, std::span<const PoseTrackPtr> tracks,

@@ -37,7 +37,9 @@ std::unique_ptr<ObjectSearch> TrackingChain::take_search() {
 void TrackingChain::begin(Time now) {
   set_.clear();
   if (!timed_) return;
-  for (const Observation& found : timed_->advance(now, tracks())) fusion_->process({&found, 1});
+  const std::vector<Observation> found = timed_->advance(now, tracks());
+  if (!timed_->under_way()) take_doubts();
+  for (const Observation& observation : found) fusion_->process({&observation, 1});
 }
 
 void TrackingChain::observe(const CameraFrame& seen) {
@@ -71,7 +73,9 @@ bool TrackingChain::search_at_once(std::span<const CameraFrame> frames) {
   const Time now = frames.front().frame->info().capture;
   if (!search_->complete(now) || !search_->due(now, tracks())) return false;
   found_ = false;
-  for (const Observation& found : search_->search(now, tracks())) {
+  const std::vector<Observation> results = search_->search(now, tracks());
+  take_doubts();
+  for (const Observation& found : results) {
     found_ = true;
     if (found.capture != now) {
       fusion_->process({&found, 1});
@@ -83,6 +87,12 @@ bool TrackingChain::search_at_once(std::span<const CameraFrame> frames) {
     }
   }
   return true;
+}
+
+void TrackingChain::take_doubts() {
+  for (const ObjectSearch::Doubt& doubt : search_->doubts()) {
+    fusion_->set_doubted(doubt.object, doubt.doubted);
+  }
 }
 
 std::span<const UpdateReport> TrackingChain::fuse() { return fusion_->process(set_); }

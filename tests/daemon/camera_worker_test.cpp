@@ -220,10 +220,10 @@ TEST_F(CameraWorkerTest, AbsentFromTheStartTheStreamIsUpAllTheSame) {
 
 TEST_F(CameraWorkerTest, WaitingForAnAbsentCameraIsNoHang) {
   start(Script::Mode::kAbsent);
-  // It beats in every turn of a wait, not once for each: half a second before the limit of five has
-  // to be enough at any time.
+  // It beats in every turn of a wait, not once for each: two seconds before the limit of five have
+  // to be enough at any time, on a busy machine, too.
   EXPECT_TRUE(eventually([&] {
-    EXPECT_TRUE(beats_.stalled(MonotonicClock::now() + 4500ms).empty());
+    EXPECT_TRUE(beats_.stalled(MonotonicClock::now() + 3000ms).empty());
     return lost_by("absent") >= 5 || HasFailure();
   }));
 }

@@ -31,8 +31,11 @@ class ObjectHint : public testing::Test {
                          .value();
     system_.search = SearchWorker::start(
         ObjectSearch::create(system_.installation, *system_.rig).value(), 3, system_.board,
-        [fusion = system_.fusion](Observation found) { fusion->push(std::move(found)); }, registry_,
-        beats_);
+        [fusion = system_.fusion](Observation found) { fusion->push(std::move(found)); },
+        [fusion = system_.fusion](ObjectId object, bool doubted) {
+          fusion->set_doubted(object, doubted);
+        },
+        registry_, beats_);
     const auto recording = std::make_shared<const Recording>(open_recording(kBench).value());
     const auto frames = *VirtualReplay::open(recording).value()->next().value();
     for (const FramePtr& frame : frames) {

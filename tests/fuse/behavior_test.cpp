@@ -337,6 +337,21 @@ TEST(Claims, OfTwoCamerasThatDisagreeNoneIsBelieved) {
   }
 }
 
+TEST(Claims, WhatIsDoubtedIsHeldAndNotBelieved) {
+  const SyntheticRig rig(moving_rig(2));
+  auto estimator = make();
+  int n = 0;
+  for (const auto& set : rig.sets()) {
+    const bool doubted = n >= 10 && n < 20;
+    estimator.set_doubted(doubted);
+    const PoseEstimate estimate = estimator.process(set).estimate;
+    if (n++ < 4) continue;
+    EXPECT_EQ(estimate.state, doubted ? TrackState::kDegraded : TrackState::kTracking) << n;
+    EXPECT_EQ(estimate.degraded_reasons, doubted ? kContradicted : 0) << n;
+  }
+  EXPECT_GT(n, 24);
+}
+
 TEST(Refuted, TheSamePoseGoesOn) {
   const SyntheticRig rig(moving_rig(2));
   auto estimator = make(), other = make();

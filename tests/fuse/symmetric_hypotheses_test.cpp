@@ -356,6 +356,27 @@ TEST(NearAxis, IsFollowedToTheTurnThatThePictureTells) {
   }
 }
 
+TEST(NearAxis, IsNotSureWhileAPoseBesideItIsAsGood) {
+  const SyntheticRig rig(rig_options());
+  for (const bool settled : {false, true}) {
+    ObjectEstimator estimator = estimator_of(cup());
+    int sure = 0;
+    for (auto& set : rig.sets()) {
+      const Rigid3 truth = rig.truth(set[0].capture);
+      add_silhouettes(truth, truth, 60.0, set);
+      for (Observation& observation : set) {
+        // First the turn itself, then that by 15 degrees.
+        if (!settled && observation.symmetric_hypotheses.size() > 1) {
+          observation.symmetric_hypotheses[1].cost = 0;
+        }
+      }
+      sure += estimator.process(set).estimate.state == TrackState::kTracking ? 1 : 0;
+    }
+    EXPECT_EQ(sure > 20, settled) << sure;
+    EXPECT_EQ(sure > 0, settled) << sure;
+  }
+}
+
 TEST(NearAxis, IsWeakAgainSoonAfterTheHandleIsHidden) {
   const SyntheticRig rig(rig_options(2s));
   ObjectEstimator estimator = estimator_of(cup());

@@ -22,6 +22,7 @@ struct Checked {
   double refuted_after = 0;  ///< [s]
   double angle = 0;          ///< [rad] of what was returned from the truth
   bool all_refute = true;
+  int doubted = 0;  ///< looks after which the pose was doubted and not yet refuted
 };
 
 // The recording, with a track that says `tracking` of the true pose turned about its middle, until
@@ -55,7 +56,10 @@ Checked follow_turned(const Eigen::Quaterniond& turn, const Eigen::Vector3d& shi
     if (!search->complete(now) || !search->due(now, tracks)) continue;
     const auto found = search->search(now, tracks);
     out.checks = search->checks();
-    if (found.empty()) continue;
+    if (found.empty()) {
+      out.doubted += search->doubts().front().doubted ? 1 : 0;
+      continue;
+    }
     out.refuted_after = to_seconds(now - first);
     for (const Observation& observation : found) {
       out.all_refute &= observation.refutes;
@@ -72,6 +76,7 @@ TEST(OrientationCheck, LeavesTheRightPoseAlone) {
   const Checked checked = follow_turned(Eigen::Quaterniond::Identity());
   EXPECT_GE(checked.checks.done, 4u);
   EXPECT_EQ(checked.checks.refuted, 0u);
+  EXPECT_EQ(checked.doubted, 0);
 }
 
 TEST(OrientationCheck, FindsWhichWayItIs) {
@@ -79,6 +84,7 @@ TEST(OrientationCheck, FindsWhichWayItIs) {
     const Checked checked =
         follow_turned(Eigen::Quaterniond(Eigen::AngleAxisd(3.14, Eigen::Vector3d::Unit(axis))));
     EXPECT_EQ(checked.checks.refuted, 1u) << axis;
+    EXPECT_GT(checked.doubted, 0) << axis;
     EXPECT_TRUE(checked.all_refute);
     EXPECT_LT(checked.angle, 0.26) << axis;
     std::printf("turned about axis %d: refuted after %.2f s\n", axis, checked.refuted_after);

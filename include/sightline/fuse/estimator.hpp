@@ -114,6 +114,10 @@ class ObjectEstimator {
   /// `coasting` and `lost`. Never influences what process() computes.
   void advance(Time now);
 
+  /// Whether another orientation is suspected to explain the images better than the one in force:
+  /// until it is said no more, the object is not `tracking`. Counts for sets processed from now on.
+  void set_doubted(bool doubted);
+
   /// Snapshot with about `history` of estimates; never null. Cheap if nothing changed since.
   PoseTrackPtr track() const;
   /// State now: of the newest set, or of advance().

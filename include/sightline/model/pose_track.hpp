@@ -37,7 +37,7 @@ enum DegradedReason : DegradedReasons {
   kWeakPosition = 8,   ///< not known well enough in a direction: weak_direction()
   kWeakRotation = 16,  ///< or about an axis
   kOneCamera = 32,     ///< one camera alone sees it, and that counts as weak
-  kContradicted = 64  ///< the cameras of this set refute it, or as many see it elsewhere as hold it
+  kContradicted = 64   ///< by the cameras of this set, as many others as hold it, or a check
 };
 /// "ambiguous", "weak_position", ... in a fixed order, `separator` between them; "" for none.
 std::string to_string(DegradedReasons degraded_reasons, std::string_view separator);

@@ -31,6 +31,8 @@ class ObjectFusion {
   /// objects whose state it changed; valid until the next call.
   std::span<const ObjectId> advance(Time now);
 
+  /// See ObjectEstimator::set_doubted().
+  void set_doubted(ObjectId object, bool doubted);
   /// Drops what is known of an object: it is searching, as if it had never been seen.
   void forget(ObjectId object);
 

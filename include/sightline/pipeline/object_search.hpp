@@ -45,11 +45,11 @@ class ObjectSearch {
   /// not been found for 10 s: DetectConfig::max_load). One at a time, so that none is old news when
   /// the other is found. The observations are at the capture times of the frames, in order of time.
   ///
-  /// If no search is due, it checks the object whose check is due: whether the images show it where
-  /// its track is, and rather in another orientation. Where checks in a row show the same other
-  /// orientation clearly enough, that is returned; where two speak against the pose without naming
-  /// another one, it is searched for everywhere, and returned if it is found elsewhere. Such
-  /// observations refute the pose in force.
+  /// If no search is due, or it is doubted, it checks the object whose check is due: whether the
+  /// images show it where its track is, and rather in another orientation. Where checks in a row
+  /// show the same other orientation clearly enough, that is returned; where two speak against the
+  /// pose without naming another one, it is searched for everywhere, and returned if it is found
+  /// elsewhere. Such observations refute the pose in force.
   std::vector<Observation> search(Time now, std::span<const PoseTrackPtr> tracks);
   /// The same poses in newer frames, which may have come while the search ran. Replaces what
   /// search() returned; empty if they are not found there. Then the next call goes on from where
@@ -68,6 +68,13 @@ class ObjectSearch {
     uint64_t done = 0, refuted = 0;
   };
   Checks checks() const { return checks_; }
+  /// Whether the last check of an object spoke against its pose, but not clearly enough to refute
+  /// it, or the object is nearly round and no check has been yet. By object.
+  struct Doubt {
+    ObjectId object;
+    bool doubted = false;
+  };
+  std::vector<Doubt> doubts() const;
   /// What searching and following have done so far.
   SearchWork work() const;
 
@@ -123,6 +130,7 @@ class ObjectSearch {
   bool tell(Message message);
   void take_messages();
   void search(Target& target, Time now, std::vector<Observation>& out);
+  static bool doubted(const Target& target);
   static bool check_due(const Target& target, Time now, std::span<const PoseTrackPtr> tracks);
   void check(Target& target, Time now, std::span<const PoseTrackPtr> tracks,
              std::vector<Observation>& out);

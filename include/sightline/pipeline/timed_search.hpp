@@ -39,6 +39,8 @@ class TimedSearch {
   /// each camera if one is due and none is under way; false: it was not.
   bool take(std::span<const CameraFrame> frames, std::span<const PoseTrackPtr> tracks);
 
+  /// Whether a search has begun whose results are not known yet.
+  bool under_way() const { return under_way_.has_value(); }
   /// All that has been charged so far.
   Duration charged() const { return charged_; }
 

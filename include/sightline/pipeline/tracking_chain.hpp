@@ -57,6 +57,7 @@ class TrackingChain {
  private:
   TrackingChain() = default;
   bool search_at_once(std::span<const CameraFrame> frames);
+  void take_doubts();
 
   std::vector<NamedObject> objects_;
   std::vector<std::unique_ptr<CameraObserver>> observers_;  // by CameraId; null: does not observe

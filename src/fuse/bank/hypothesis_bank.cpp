@@ -66,7 +66,7 @@ void HypothesisBank::step(const BankState& before, Time time,
   const bool contradicted = record_observations(time, observations, best, options_, after);
   after.reset |= refuted_now;
   after.started &= !refuted_now;  // it was known
-  publish(time, contradicted, options_, symmetric_, after);
+  publish(time, contradicted || doubted_, options_, symmetric_, after);
 }
 
 void HypothesisBank::update(const MeasurementSet& set, BankState& state,

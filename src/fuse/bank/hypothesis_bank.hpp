@@ -29,6 +29,8 @@ class HypothesisBank {
   /// `before`.
   void step(const BankState& before, Time time, std::span<const Observation> observations,
             BankState& after);
+  /// Of the sets from now on: whether something outside speaks against the pose in force.
+  void set_doubted(bool doubted) { doubted_ = doubted; }
 
  private:
   bool refuted(Time time, std::span<const Observation> observations, const BankState& state) const;
@@ -39,6 +41,7 @@ class HypothesisBank {
   const SymmetricHypotheses symmetric_;
   HypothesisUpdate hypothesis_update_;
   TrackInitiation track_initiation_;
+  bool doubted_ = false;
   MeasurementSet set_;             // scratch of one step
   std::vector<Outcome> outcomes_;  // scratch of one step
 };

@@ -10,7 +10,12 @@
 namespace sightline::fuse {
 namespace {
 
-constexpr double kDecided = 8.0;               // cost above the best: one in three thousand
+constexpr double kDecided = 8.0;  // cost above the best: one in three thousand
+// A pose of the near ones that is turned by little: as long as it is about as good, the fit is on
+// its way there, and knows the turn less well than it thinks.
+constexpr double kSettled = 4.0;
+constexpr double kMovedTurn = 0.1;             // [rad] of a near one that was taken instead
+constexpr double kMovedSpin = 2.0;             // [rad/s]
 constexpr double kMinAdvantage = 4.0;          // advantage for which another pose is taken
 constexpr double kMaxCost = 40.0;              // so that what was believed can be revised
 constexpr double kMaxNearCost = 16.0;          // the part that tells may be hidden for long
@@ -59,7 +64,9 @@ SymmetricHypotheses::SymmetricHypotheses(const ShapeSymmetry& shape_symmetry)
   }
   for (const Rigid3& turn : symmetries_) {
     logs_.push_back(turn.log());
-    other_.push_back(turn.rotation.angularDistance(Eigen::Quaterniond::Identity()) > kSamePose);
+    const bool other = turn.rotation.angularDistance(Eigen::Quaterniond::Identity()) > kSamePose;
+    const bool near = most_[logs_.size() - 1] == kMaxNearCost;
+    decided_.push_back(other ? kDecided : near ? kSettled : -kMaxCost);
     to_symmetric_.push_back(right_jacobian_inverse(logs_.back()) * turn.inverse().adjoint());
   }
 }
@@ -163,6 +170,14 @@ bool SymmetricHypotheses::choose(Hypothesis& hypothesis) const {
   both.topLeftCorner<6, 6>() = back;
   both.bottomRightCorner<6, 6>() = back;
   estimate.covariance = (both * estimate.covariance * both.transpose()).eval();
+  if (most_[chosen] == kMaxNearCost) {
+    // The pose had turned away from the object: its spin is as wrong, and the steps are coarse.
+    const Vector6 about = logs_[chosen] / logs_[chosen].head<3>().norm();
+    estimate.covariance.topLeftCorner<6, 6>() +=
+        kMovedTurn * kMovedTurn * about * about.transpose();
+    estimate.covariance.bottomRightCorner<6, 6>() +=
+        kMovedSpin * kMovedSpin * about * about.transpose();
+  }
   hypothesis.corrections.offset = back * hypothesis.corrections.offset;
   hypothesis.corrections.before = back * hypothesis.corrections.before;
   hypothesis.systematic_information =
@@ -175,7 +190,7 @@ bool SymmetricHypotheses::choose(Hypothesis& hypothesis) const {
 
 bool SymmetricHypotheses::ambiguous(const Hypothesis& hypothesis) const {
   for (size_t k = 1; k < symmetries_.size(); ++k) {
-    if (other_[k] && hypothesis.symmetry_costs[k] < hypothesis.symmetry_costs[0] + kDecided) {
+    if (hypothesis.symmetry_costs[k] < hypothesis.symmetry_costs[0] + decided_[k]) {
       return true;
     }
   }

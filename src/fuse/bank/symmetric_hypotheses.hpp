@@ -61,7 +61,7 @@ class SymmetricHypotheses {
   std::vector<double> most_;        ///< by symmetry: its cost
   bool near_axis_ = false;
   std::vector<Vector6> logs_;
-  std::vector<bool> other_;  ///< by symmetry: turned by more than the filter takes back by itself
+  std::vector<double> decided_;  ///< by symmetry: cost above the best from which it is out
   /// By symmetry: from a tangent at the pose to that of its logarithm at the symmetric pose.
   std::vector<Matrix6> to_symmetric_;
   std::optional<ShapeSymmetry::Axis> axis_;
