@@ -47,6 +47,7 @@ Daemon::Daemon(const DaemonOptions& options, std::shared_ptr<HttpWaker> waker)
                sources_,
                std::make_shared<FrameTaps>(),
                std::make_shared<PoseFeed>(registry_, waker_),
+               nullptr,
                nullptr} {
   system_.publish(std::make_shared<const System>());
   config_.publish(std::make_shared<const ConfigReport>());
@@ -69,6 +70,7 @@ Result<std::unique_ptr<Daemon>> Daemon::start(Installation installation,
 
 Status Daemon::prepare_web() {
   SL_ASSIGN(context_.pictures, PictureBoard::start(registry_, beats_, waker_));
+  context_.whep = WhepService::start(options_.serve, beats_, waker_);
   context_.http = web_content({.registry = &registry_,
                                .health = [this] { return health(); },
                                .system = [this] { return system_.read(); },
@@ -77,6 +79,7 @@ Status Daemon::prepare_web() {
                                .request_reload = options_.request_reload,
                                .poses = context_.poses,
                                .pictures = context_.pictures,
+                               .whep = context_.whep,
                                .waker = waker_});
   return {};
 }

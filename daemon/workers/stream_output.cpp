@@ -12,10 +12,15 @@ using namespace std::chrono_literals;
 std::shared_ptr<StreamOutput> StreamOutput::create(std::string camera, EncoderOptions options,
                                                    std::vector<NamedObject> names,
                                                    std::shared_ptr<RtspStream> stream,
+                                                   std::shared_ptr<WhepStream> browsers,
                                                    std::shared_ptr<PictureSlot> pictures,
                                                    Registry& registry) {
-  std::shared_ptr<StreamOutput> output(new StreamOutput(
-      std::move(camera), std::move(options), std::move(names), std::move(pictures), registry));
+  std::shared_ptr<StreamOutput> output(new StreamOutput(std::move(camera), std::move(options),
+                                                        std::move(names), std::move(browsers),
+                                                        std::move(pictures), registry));
+  if (output->browsers_) {
+    output->browsers_->on_keyframe_wanted([wanted = output->keyframe_wanted_] { *wanted = true; });
+  }
   output->move_to(std::move(stream));
   return output;
 }
@@ -35,9 +40,10 @@ void StreamOutput::adopt(std::vector<NamedObject> names,
 }
 
 StreamOutput::StreamOutput(std::string camera, EncoderOptions options,
-                           std::vector<NamedObject> names, std::shared_ptr<PictureSlot> pictures,
-                           Registry& registry)
+                           std::vector<NamedObject> names, std::shared_ptr<WhepStream> browsers,
+                           std::shared_ptr<PictureSlot> pictures, Registry& registry)
     : camera_(std::move(camera)),
+      browsers_(std::move(browsers)),
       pictures_(std::move(pictures)),
       created_(std::move(options)),
       options_(created_),
@@ -50,8 +56,9 @@ StreamOutput::StreamOutput(std::string camera, EncoderOptions options,
       unsent_(registry.counter("sightline_frames_dropped_total",
                                "Frames that a stage had no time for, by stage",
                                {{"camera", camera_}, {"stage", "send"}})),
-      viewers_(registry.gauge("sightline_viewers", "RTSP viewers playing", {{"camera", camera_}})) {
-}
+      viewers_(registry.gauge("sightline_viewers", "RTSP viewers playing", {{"camera", camera_}})),
+      browser_viewers_(registry.gauge("sightline_webrtc_viewers", "WebRTC viewers playing",
+                                      {{"camera", camera_}})) {}
 
 StreamOutput::~StreamOutput() { close(); }
 
@@ -67,9 +74,11 @@ std::string StreamOutput::encoder_name() const {
 
 bool StreamOutput::make_encoder() {
   if (MonotonicClock::now() < retry_at_) return false;
-  auto made = VideoEncoder::create(options_, camera_, [stream = stream_](EncodedPacket packet) {
-    stream->read()->push(packet);
-  });
+  auto made = VideoEncoder::create(options_, camera_,
+                                   [stream = stream_, browsers = browsers_](EncodedPacket packet) {
+                                     stream->read()->push(packet);
+                                     if (browsers) browsers->push(packet);
+                                   });
   if (!made) {
     log::error("{}: {}", camera_, made.error().message());
     retry_at_ = MonotonicClock::now() + 5s;
@@ -84,7 +93,7 @@ bool StreamOutput::make_encoder() {
 
 void StreamOutput::accept(const AnnotatedImage& image) {
   pictures_->offer(PictureKind::kAnnotated, image.image, image.frame);
-  if (!stream_->read()->wanted()) return;
+  if (!video_wanted()) return;
   auto current = encoder();
   if (current) {
     if (const auto failure = current->failure()) {
@@ -119,6 +128,9 @@ void StreamOutput::report() {
   unsent_.add(unsent - unsent_counted_);
   unsent_counted_ = unsent;
   viewers_.set(stream->viewers());
+  browser_viewers_.set(browsers());
+  const uint64_t to_browsers = browsers_ ? browsers_->dropped() : 0;
+  unsent_.add(to_browsers - std::exchange(unsent_to_browsers_, to_browsers));
 }
 
 void StreamOutput::close() {

@@ -207,6 +207,8 @@ void visit(Visitor& v, HttpConfig& s) {
   v.integer("port", s.server.port, 0, 65535, "a port number");
   v.flag("open", s.server.open);
   v.host_names("names", s.server.names);
+  v.integer("webrtc_viewers", s.server.webrtc_viewers, 0, 1000,
+            "a whole number of viewers (0: no WebRTC)");
 }
 
 template <typename Visitor>

@@ -7,6 +7,7 @@
 
 #include "sightline/base/log.hpp"
 #include "stream/handover.hpp"
+#include "stream/packet_buffer.hpp"
 
 namespace sightline::stream {
 namespace {
@@ -14,15 +15,7 @@ namespace {
 /// Packets that may wait for a media pipeline's thread; more, and the stream skips to a key frame.
 constexpr guint64 kMaxQueued = 8;
 
-using SharedBytes = std::shared_ptr<const std::vector<uint8_t>>;
 using StreamPtr = UserData<std::shared_ptr<SharedStream>>;
-
-/// A buffer over the packet's own bytes.
-GstBuffer* wrap_bytes(const SharedBytes& bytes) {
-  return gst_buffer_new_wrapped_full(
-      GST_MEMORY_FLAG_READONLY, const_cast<uint8_t*>(bytes->data()), bytes->size(), 0,
-      bytes->size(), UserData<SharedBytes>::make(bytes), UserData<SharedBytes>::destroy);
-}
 
 std::string launch_line(const RtspStreamOptions& options) {
   int numerator = 30, denominator = 1;
@@ -124,7 +117,7 @@ bool SharedStream::send(Media& media, const EncodedPacket& packet) {
     return false;
   }
   media.needs_keyframe = false;
-  GstBuffer* buffer = wrap_bytes(packet.bytes);
+  GstBuffer* buffer = wrap_packet(packet.bytes);
   const GstObjectPtr<GstClock> clock(gst_element_get_clock(media.source.get()));
   const uint64_t pts = media.clock.running_time(
       to_ns(packet.capture), static_cast<int64_t>(gst_clock_get_time(clock.get())),

@@ -146,7 +146,7 @@ class CameraWorkerTest : public testing::Test {
     ASSERT_TRUE(pictures);
     pictures_ = *pictures;
     parts.output =
-        StreamOutput::create("cam", encoder, {}, stream_, pictures_->slot("cam"), registry_);
+        StreamOutput::create("cam", encoder, {}, stream_, nullptr, pictures_->slot("cam"), registry_);
     parts.draw.board = std::make_shared<TrackBoard>(0);
     worker_ = CameraWorker::start(std::move(parts), registry_, beats_);
   }

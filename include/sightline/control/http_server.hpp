@@ -34,6 +34,8 @@ struct HttpOptions {
   unsigned max_connections = 512;
   /// Of these, answers without an end (events, pictures); more are refused with 503.
   unsigned max_streams = 64;
+  /// Viewers by WebRTC at once; 0: none. The daemon's to use.
+  int webrtc_viewers = 32;
   /// From being accepted, or answered before, to the end of the next answer; then it is closed,
   /// whatever trickles in meanwhile. A stream whose reader takes nothing for so long, too.
   Duration deadline = std::chrono::seconds(10);
