@@ -80,7 +80,9 @@ export class VideoPlayer {
     this.listener.failed(refused);
   }
 
-  close(): void {
+  /** `told` false: the daemon has ended it by itself. */
+  close(told = true): void {
+    if (!told) this.session = "";
     this.over = true;
     clearInterval(this.timer);
     this.connection.close();
@@ -115,7 +117,7 @@ export class VideoFeed {
     this.wanted = cameras;
     for (const [name, player] of this.players) {
       if (cameras.includes(name)) continue;
-      player.close();
+      player.close(this.surface(name) !== null);  // else that camera has gone, and its sessions with it
       this.players.delete(name);
     }
     for (const name of cameras) if (!this.players.has(name) && !this.resting.has(name)) this.play(name);

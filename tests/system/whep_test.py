@@ -174,21 +174,25 @@ class Whep(DaemonCase):
         browser.wait_for(f"keeper.video.currentTime > {time} + 0.5", "the keeper's video goes on")
         self.assertEqual(daemon.stop(), 0)
 
-    def test_viewers_that_vanish_are_freed(self):
-        daemon = self.start()
-        warm = self.page(daemon)
-        warm.run("comeAndGo('left')")
-        wait_until(lambda: self.viewers(daemon) == 0, "nobody is left")
-        before = self.used(daemon)
+    def vanish(self, daemon):
+        """What is used when a browser with many viewers has been killed and missed."""
         browser = self.page(daemon)
         browser.run(f"Promise.all([...Array({VANISHING})].map((_, i) => connect(['left', 'right', 'side'][i % 3], 2))).then(() => 0)")
         self.assertEqual(self.viewers(daemon), VANISHING)
         browser.close()
         wait_until(lambda: self.viewers(daemon) == 0, "they are missed and dropped")
-        wait_until(lambda: self.used(daemon)[0] <= before[0] + 6 and self.used(daemon)[1] <= before[1] + 12,
+
+    def test_viewers_that_vanish_are_freed(self):
+        daemon = self.start()
+        self.vanish(daemon)
+        # Some threads of GLib's pools wait a while for new work.
+        before = self.used(daemon)
+        self.vanish(daemon)
+        wait_until(lambda: self.used(daemon)[0] <= before[0] + 4 and self.used(daemon)[1] <= before[1] + 4,
                    "descriptors and threads are given back")
-        print(f"{VANISHING} vanished: descriptors, threads, MB before {before}, after {self.used(daemon)}")
-        self.assertGreater(warm.run("comeAndGo('right')"), 0)
+        wait_until(lambda: self.used(daemon)[2] < before[2] + 40, "memory is given back")
+        print(f"{VANISHING} vanished twice: descriptors, threads, MB after the first {before}, second {self.used(daemon)}")
+        self.assertGreater(self.page(daemon).run("comeAndGo('right')"), 0)
         self.assertEqual(daemon.stop(), 0)
 
 

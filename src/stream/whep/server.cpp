@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gst/gst.h>
+#include <malloc.h>
 #include <sys/random.h>
 
 #include <algorithm>
@@ -209,8 +210,12 @@ std::vector<std::unique_ptr<Peer>> Server::take_leaving(Time now) {
 }
 
 void Server::look_after(Time now) {
-  const auto leaving = take_leaving(now);
-  if (!leaving.empty()) log::debug("whep: {} viewers leave", leaving.size());
+  auto leaving = take_leaving(now);
+  if (leaving.empty()) return;
+  log::debug("whep: {} viewers leave", leaving.size());
+  leaving.clear();
+  // Each had about ten threads, and the C library keeps the memory of each for its successor.
+  if (sessions() == 0) ::malloc_trim(0);
 }
 
 void Server::run(std::stop_token stop, const std::function<void()>& on_tick) {
