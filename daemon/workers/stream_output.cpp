@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "sightline/base/log.hpp"
+#include "workers/stage_latency.hpp"
 
 namespace sightline {
 
@@ -20,6 +21,8 @@ std::shared_ptr<StreamOutput> StreamOutput::create(std::string camera, EncoderOp
                                                         std::move(pictures), registry));
   if (output->browsers_) {
     output->browsers_->on_keyframe_wanted([wanted = output->keyframe_wanted_] { *wanted = true; });
+    output->browsers_->on_sent(
+        [sent = output->sent_](Duration age) { sent->observe(to_seconds(age)); });
   }
   output->move_to(std::move(stream));
   return output;
@@ -27,6 +30,7 @@ std::shared_ptr<StreamOutput> StreamOutput::create(std::string camera, EncoderOp
 
 void StreamOutput::move_to(std::shared_ptr<RtspStream> stream) {
   stream->on_keyframe_wanted([wanted = keyframe_wanted_] { *wanted = true; });
+  stream->on_sent([sent = sent_](Duration age) { sent->observe(to_seconds(age)); });
   stream_->publish(std::move(stream));
 }
 
@@ -45,6 +49,7 @@ StreamOutput::StreamOutput(std::string camera, EncoderOptions options,
     : camera_(std::move(camera)),
       browsers_(std::move(browsers)),
       pictures_(std::move(pictures)),
+      registry_(registry),
       created_(std::move(options)),
       options_(created_),
       names_(std::move(names)),
@@ -57,6 +62,10 @@ StreamOutput::StreamOutput(std::string camera, EncoderOptions options,
                                "Frames that a stage had no time for, by stage",
                                {{"camera", camera_}, {"stage", "send"}})),
       viewers_(registry.gauge("sightline_viewers", "RTSP viewers playing", {{"camera", camera_}})),
+      bytes_(registry.counter("sightline_encoded_bytes_total", "Bytes of encoded video",
+                              {{"camera", camera_}})),
+      encoded_latency_(&stage_latency(registry, camera_, "encoded")),
+      sent_(&stage_latency(registry, camera_, "sent")),
       browser_viewers_(registry.gauge("sightline_webrtc_viewers", "WebRTC viewers playing",
                                       {{"camera", camera_}})) {}
 
@@ -75,7 +84,10 @@ std::string StreamOutput::encoder_name() const {
 bool StreamOutput::make_encoder() {
   if (MonotonicClock::now() < retry_at_) return false;
   auto made = VideoEncoder::create(options_, camera_,
-                                   [stream = stream_, browsers = browsers_](EncodedPacket packet) {
+                                   [stream = stream_, browsers = browsers_, bytes = &bytes_,
+                                    latency = encoded_latency_](EncodedPacket packet) {
+                                     bytes->add(packet.bytes->size());
+                                     observe_age(*latency, packet.capture);
                                      stream->read()->push(packet);
                                      if (browsers) browsers->push(packet);
                                    });
@@ -84,7 +96,11 @@ bool StreamOutput::make_encoder() {
     retry_at_ = MonotonicClock::now() + 5s;
     return false;
   }
-  log::info("{}: encoding with {}", camera_, (*made)->encoder_name());
+  const std::string& name = (*made)->encoder_name();
+  log::info("{}: encoding with {}", camera_, name);
+  in_use_ = &registry_.gauge("sightline_encoder", "1 for the encoder that is in use",
+                             {{"camera", camera_}, {"encoder", name}});
+  in_use_->set(1);
   counted_ = {};
   std::lock_guard lock(mutex_);
   encoder_ = *std::move(made);
@@ -137,6 +153,7 @@ void StreamOutput::close() {
   std::shared_ptr<VideoEncoder> last;
   std::lock_guard lock(mutex_);
   last.swap(encoder_);
+  if (in_use_ != nullptr) std::exchange(in_use_, nullptr)->set(0);
 }
 
 }  // namespace sightline

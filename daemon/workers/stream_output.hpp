@@ -73,13 +73,18 @@ class StreamOutput : public ImageSink {
   const std::string camera_;
   const std::shared_ptr<WhepStream> browsers_;  // null: no WebRTC
   const std::shared_ptr<PictureSlot> pictures_;
+  Registry& registry_;
   const EncoderOptions created_;
   EncoderOptions options_;  // in force; the drawing thread's
   std::vector<NamedObject> names_;
   // Shared with the encoder's thread, never null inside.
   const std::shared_ptr<Snapshot<RtspStream>> stream_ = std::make_shared<Snapshot<RtspStream>>();
   Counter &encoded_, &dropped_, &unsent_;
-  Gauge &viewers_, &browser_viewers_;
+  Gauge& viewers_;
+  Counter& bytes_;
+  LatencyHistogram *const encoded_latency_, *const sent_;  // live as long as the registry
+  Gauge& browser_viewers_;
+  Gauge* in_use_ = nullptr;  // of the encoder, if there is one
   EncoderCounts counted_;
   uint64_t unsent_counted_ = 0, unsent_to_browsers_ = 0;
   std::shared_ptr<RtspStream> counted_stream_;  // that `unsent_counted_` belongs to

@@ -152,6 +152,9 @@ GObjectPtr<GstRTSPMediaFactory> SharedStream::make_factory(GstRTSPAddressPool* u
 void SharedStream::add_media(GstRTSPMedia* media) {
   const GstObjectPtr<GstElement> bin(gst_rtsp_media_get_element(media));
   send_without_delay(bin.get());
+  const GstObjectPtr<GstElement> payloader(
+      gst_bin_get_by_name_recurse_up(GST_BIN(bin.get()), "pay0"));
+  report_sent(payloader.get(), sent_);
   Media state;
   state.source =
       GstObjectPtr<GstElement>(gst_bin_get_by_name_recurse_up(GST_BIN(bin.get()), "src"));

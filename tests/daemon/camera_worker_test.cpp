@@ -79,6 +79,7 @@ class WatchedStream : public RtspStream {
   void on_wanted(std::function<void(bool)>) override {}
   void on_keyframe_wanted(std::function<void()>) override {}
   std::string url() const override { return "rtsp://test"; }
+  void on_sent(std::function<void(Duration)>) override {}
 
   struct Sent {
     SeiMessage message;

@@ -70,6 +70,9 @@ class RtspStream {
   /// Called on a server thread or from push() when a viewer needs a key frame to start: connect it
   /// to VideoEncoder::request_keyframe(), which limits the rate.
   virtual void on_keyframe_wanted(std::function<void()> callback) = 0;
+  /// Called on a GStreamer thread for each image when its packets have been made for the network,
+  /// with the time since its capture; must be quick.
+  virtual void on_sent(std::function<void(Duration age)> callback) = 0;
   /// "rtsp://ADDRESS:PORT/NAME"
   virtual std::string url() const = 0;
 };

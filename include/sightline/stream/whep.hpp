@@ -39,6 +39,8 @@ class WhepStream {
   /// Called on any thread when a viewer needs a key frame: connect it to
   /// VideoEncoder::request_keyframe(), which limits the rate. Must not block nor come back here.
   virtual void on_keyframe_wanted(std::function<void()> callback) = 0;
+  /// As RtspStream::on_sent(), once for each viewer.
+  virtual void on_sent(std::function<void(Duration age)> callback) = 0;
 };
 
 /// What a browser is answered.

@@ -9,6 +9,7 @@
 #include "sightline/stream/whep.hpp"
 #include "stream/gst_ptr.hpp"
 #include "stream/rtp_clock.hpp"
+#include "stream/sent_probe.hpp"
 
 namespace sightline::stream {
 
@@ -20,6 +21,9 @@ class FanOut : public WhepStream {
   void push(const EncodedPacket& packet) override;
   uint64_t dropped() const override;
   void on_keyframe_wanted(std::function<void()> callback) override;
+
+  void on_sent(std::function<void(Duration)> callback) override { sent_->set(std::move(callback)); }
+  const SentReportPtr& sent() const { return sent_; }
 
   /// A viewer's `source` (an appsrc that plays) gets packets from the next key frame on.
   void add(const std::string& id, GstElement* source);
@@ -35,6 +39,7 @@ class FanOut : public WhepStream {
   /// False if the viewer waits for a key frame now.
   bool send(Viewer& viewer, const EncodedPacket& packet);
 
+  const SentReportPtr sent_ = std::make_shared<SentReport>();
   std::atomic<int> count_{0};
   mutable std::mutex mutex_;
   std::map<std::string, Viewer> viewers_;

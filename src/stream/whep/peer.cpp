@@ -34,7 +34,7 @@ std::string launch_line(int payload_type) {
   return fmt::format(
       "appsrc name=src is-live=true do-timestamp=false format=time min-latency=0 max-bytes=0 "
       "max-buffers=0 max-time=0 caps=\"video/x-h264,stream-format=byte-stream,alignment=au\" ! "
-      "h264parse ! rtph264pay pt={} ssrc={} mtu=1200 config-interval=-1 "
+      "h264parse ! rtph264pay name=pay pt={} ssrc={} mtu=1200 config-interval=-1 "
       "aggregate-mode=zero-latency ! "
       "application/x-rtp,media=video,encoding-name=H264,clock-rate=90000,payload={},"
       "ssrc=(uint){} ! "
@@ -108,6 +108,8 @@ Status Peer::build(const ViewerOffer& offer, const std::string& address) {
   source_.reset(gst_bin_get_by_name(GST_BIN(pipeline_.get()), "src"));
   webrtc_.reset(gst_bin_get_by_name(GST_BIN(pipeline_.get()), "peer"));
   if (!source_ || !webrtc_) return not_built("elements are missing");
+  const GstObjectPtr<GstElement> payloader(gst_bin_get_by_name(GST_BIN(pipeline_.get()), "pay"));
+  report_sent(payloader.get(), stream_->sent());
   SL_RETURN_IF_ERROR(reach_at(address));
   GstWebRTCRTPTransceiver* transceiver = nullptr;
   g_signal_emit_by_name(webrtc_.get(), "get-transceiver", 0, &transceiver);
