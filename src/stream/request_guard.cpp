@@ -126,4 +126,18 @@ void RequestGuard::end_message() {
   if (is_request_) requests_.fetch_add(1, std::memory_order_relaxed);
 }
 
+std::string_view describe(RequestGuard::Verdict verdict) {
+  switch (verdict) {
+    case RequestGuard::Verdict::kTooLarge:
+      return "a request beyond 16 KiB";
+    case RequestGuard::Verdict::kHttp:
+      return "HTTP, which is not served here; a player that sends RTSP inside HTTP has to use TCP";
+    case RequestGuard::Verdict::kMalformed:
+      return "what came is not RTSP";
+    case RequestGuard::Verdict::kPass:
+      break;
+  }
+  return "";
+}
+
 }  // namespace sightline::stream

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <span>
 #include <string>
+#include <string_view>
 
 #include "sightline/base/time.hpp"
 
@@ -60,5 +61,8 @@ class RequestGuard {
   std::atomic<Time> unfinished_since_{};
   std::atomic<uint64_t> requests_{0};
 };
+
+/// Why a connection ends, for a person.
+std::string_view describe(RequestGuard::Verdict verdict);
 
 }  // namespace sightline::stream

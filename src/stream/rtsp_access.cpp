@@ -35,4 +35,17 @@ void let_users_watch(GstRTSPMediaFactory* factory) {
                                   G_TYPE_BOOLEAN, TRUE, nullptr);
 }
 
+bool refuses_password(const GstRTSPContext* context, GstRTSPMessage* answer) {
+  if (context == nullptr || context->request == nullptr ||
+      gst_rtsp_message_get_type(answer) != GST_RTSP_MESSAGE_RESPONSE) {
+    return false;
+  }
+  GstRTSPStatusCode status = GST_RTSP_STS_OK;
+  gst_rtsp_message_parse_response(answer, &status, nullptr, nullptr);
+  gchar* password = nullptr;
+  return status == GST_RTSP_STS_UNAUTHORIZED &&
+         gst_rtsp_message_get_header(context->request, GST_RTSP_HDR_AUTHORIZATION, &password, 0) ==
+             GST_RTSP_OK;
+}
+
 }  // namespace sightline::stream

@@ -16,4 +16,8 @@ void ask_for_passwords(GstRTSPServer* server, std::span<const RtspUser> users);
 /// A stream that whoever has a password may watch; without passwords everybody.
 void let_users_watch(GstRTSPMediaFactory* factory);
 
+/// `answer` refuses the password that a request brought. (The first answer to everybody, who has
+/// brought none yet, is no refusal.)
+bool refuses_password(const GstRTSPContext* context, GstRTSPMessage* answer);
+
 }  // namespace sightline::stream

@@ -110,6 +110,13 @@ void on_stop_playing(GstRTSPClient* client, GstRTSPContext* context, gpointer da
   }
 }
 
+void on_send(GstRTSPClient* client, GstRTSPContext* context, GstRTSPMessage* message,
+             gpointer data) {
+  const LibraryCall call(data);
+  if (!refuses_password(context, message)) return;
+  state_of(data).connections.wrong_password(client, MonotonicClock::now());
+}
+
 /// One session for each connection: with more, one client could take them all.
 GstRTSPStatusCode on_pre_setup(GstRTSPClient* client, GstRTSPContext* context, gpointer) {
   const bool another = context->session == nullptr && has_session(client);
@@ -148,6 +155,7 @@ void on_client(GstRTSPServer*, GstRTSPClient* client, gpointer data) {
   // The guard refuses HTTP already; this is the library's own way to know no RTSP inside HTTP.
   gst_rtsp_connection_set_http_mode(gst_rtsp_client_get_connection(client), TRUE);
   connect(client, "closed", G_CALLBACK(on_closed), state);
+  connect(client, "send-message", G_CALLBACK(on_send), state);
   connect(client, "pre-setup-request", G_CALLBACK(on_pre_setup), state);
   connect(client, "new-session", G_CALLBACK(on_new_session), state);
   connect(client, "play-request", G_CALLBACK(on_play), state);
@@ -183,20 +191,6 @@ Error bind_error(const RtspOptions& options, const GErrorPtr& error) {
   }
   return make_error(ErrorCode::kUnavailable, "rtsp", "cannot listen on {} port {}: {}",
                     options.address, options.port, text_of(error));
-}
-
-std::string_view describe(RequestGuard::Verdict verdict) {
-  switch (verdict) {
-    case RequestGuard::Verdict::kTooLarge:
-      return "a request beyond 16 KiB";
-    case RequestGuard::Verdict::kHttp:
-      return "HTTP, which is not served here; a player that sends RTSP inside HTTP has to use TCP";
-    case RequestGuard::Verdict::kMalformed:
-      return "what came is not RTSP";
-    case RequestGuard::Verdict::kPass:
-      break;
-  }
-  return "";
 }
 
 std::string host_of(const std::string& address) {
@@ -295,6 +289,13 @@ void RtspServer::Impl::accept_one() {
   }
   const std::optional<Peer> peer = peer_of(accepted.get());
   if (!peer) return;
+  if (state->connections.guessed_too_often(*peer, now)) {
+    state->refusals.warn(fmt::format("rtsp: a client at {} is refused for a minute: too many wrong "
+                                     "passwords came from there",
+                                     peer->address),
+                         now);
+    return;
+  }
   if (state->connections.make_room(*peer)) {
     hand_over(std::move(accepted), *peer);
     return;

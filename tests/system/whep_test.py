@@ -5,8 +5,10 @@ a hundred times, viewers that vanish, and how old a picture is that a browser sh
 import http.client
 import os
 import statistics
+import subprocess
 import sys
 import unittest
+import urllib.request
 
 from browser import Browser, chromium
 from support import BENCH, WAIT_S, DaemonCase, installation, read_text, wait_until
@@ -60,7 +62,7 @@ def offer(**changes):
     return "".join(line + "\r\n" for line in lines.values() if line is not None)
 
 
-class Whep(DaemonCase):
+class WhepCase(DaemonCase):
     def ask(self, daemon, method, path, body=None, **headers):
         connection = http.client.HTTPConnection("127.0.0.1", daemon.http, timeout=WAIT_S)
         connection.request(method, path, body, {key.replace("_", "-"): value for key, value in headers.items()})
@@ -68,6 +70,10 @@ class Whep(DaemonCase):
         result = answer.status, dict(answer.getheaders()), answer.read().decode()
         connection.close()
         return result
+
+    def ask_bytes(self, daemon, path):
+        with urllib.request.urlopen(f"http://127.0.0.1:{daemon.http}{path}", timeout=WAIT_S) as answer:
+            return answer.status, dict(answer.getheaders()), answer.read()
 
     def post(self, daemon, sdp, camera="left", **headers):
         return self.ask(daemon, "POST", f"/cameras/{camera}/whep", sdp, **{"Content_Type": "application/sdp", **headers})
@@ -82,6 +88,8 @@ class Whep(DaemonCase):
     def viewers(self, daemon):
         return sum(camera["webrtc_viewers"] for camera in daemon.state()["cameras"])
 
+
+class Whep(WhepCase):
     def test_an_answer_is_complete_and_a_session_ends(self):
         daemon = self.start()
         status, headers, sdp = self.post(daemon, offer())
@@ -193,6 +201,97 @@ class Whep(DaemonCase):
         wait_until(lambda: self.used(daemon)[2] < before[2] + 40, "memory is given back")
         print(f"{VANISHING} vanished twice: descriptors, threads, MB after the first {before}, second {self.used(daemon)}")
         self.assertGreater(self.page(daemon).run("comeAndGo('right')"), 0)
+        self.assertEqual(daemon.stop(), 0)
+
+
+WIDTH, HEIGHT, RATE, FRAMES = 1280, 720, 30, 600
+BITS, BLOCK = 16, 32
+
+# Ages [ms] of frames as the browser shows them: the number painted into each, and when it was taken.
+AGES = """
+(async (first, utc, count, period) => {
+  const { video } = await connect('counter', 10), canvas = new OffscreenCanvas(BITS * BLOCK, BLOCK);
+  const draw = canvas.getContext('2d', { willReadFrequently: true }), ages = [];
+  await new Promise((resolve, reject) => {
+    setTimeout(() => reject(new Error('no frames')), 100000);
+    const look = () => {
+      const now = performance.timeOrigin + performance.now();
+      draw.drawImage(video, 0, 0, BITS * BLOCK, BLOCK, 0, 0, BITS * BLOCK, BLOCK);
+      const pixels = draw.getImageData(0, BLOCK / 2, BITS * BLOCK, 1).data;
+      let number = 0;
+      for (let bit = 0; bit < BITS; ++bit) number |= (pixels[4 * (bit * BLOCK + BLOCK / 2)] > 127 ? 1 : 0) << bit;
+      ages.push([number, now - (utc + (number - first) * period)]);
+      if (ages.length < count) video.requestVideoFrameCallback(look); else resolve();
+    };
+    video.requestVideoFrameCallback(look);
+  });
+  return ages;
+})
+""".replace("BITS", str(BITS)).replace("BLOCK", str(BLOCK))
+
+
+def painted(number):
+    """A gray image with a number in its first rows, black and white blocks, lowest bit first."""
+    row = b"".join((b"\xeb" if number >> bit & 1 else b"\x10") * BLOCK for bit in range(BITS))
+    top = (row + b"\x80" * (WIDTH - len(row))) * BLOCK
+    texture = bytes(16 + (7 * x + number) % 200 for x in range(WIDTH))
+    return top + texture * (HEIGHT - BLOCK)
+
+
+class Age(WhepCase):
+    """How old what a browser shows is. Ages of a busy machine: they are told, and bounded loosely."""
+
+    def recording(self):
+        with open(self.path("frames.csv"), "w", encoding="utf-8") as rows:
+            rows.write("camera,sequence,capture_ns,arrival_ns,dropped_before\n")
+            for number in range(FRAMES):
+                time = 10**9 + number * 10**9 // RATE
+                rows.write(f"counter,{number},{time},{time},0\n")
+        self.write("recording.toml", 'format = 1\nname = "counter"\nobjects = []\n[[camera]]\nname = "counter"\n'
+                   f'file = "counter.mkv"\ncodec = "h264"\nwidth = {WIDTH}\nheight = {HEIGHT}\n')
+        self.write("calibration.toml", f"""[[camera]]
+name = "counter"
+width = {WIDTH}
+height = {HEIGHT}
+model = "brown_conrady"
+fx = 900.0
+fy = 900.0
+cx = {WIDTH / 2}
+cy = {HEIGHT / 2}
+distortion = [0.0, 0.0, 0.0, 0.0, 0.0]
+world_from_camera = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+""")
+        encoder = subprocess.Popen(["ffmpeg", "-nostdin", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "gray", "-s",
+                                    f"{WIDTH}x{HEIGHT}", "-r", str(RATE), "-i", "pipe:0", "-pix_fmt", "yuv420p", "-c:v", "libx264",
+                                    "-preset", "ultrafast", "-tune", "zerolatency", "-crf", "24", self.path("counter.mkv")],
+                                   stdin=subprocess.PIPE)
+        for number in range(FRAMES):
+            encoder.stdin.write(painted(number))
+        encoder.stdin.close()
+        self.assertEqual(encoder.wait(timeout=WAIT_S), 0)
+
+    def test_what_a_browser_shows_is_fresh(self):
+        self.recording()
+        daemon = self.start(f'name = "age"\ncalibration = "{self.folder}/calibration.toml"\n[[camera]]\nname = "counter"\n'
+                            f'source = "replay:{self.folder}"\n[rtsp]\nport = 0\n[http]\nport = 0\n')
+        browser = self.page(daemon)
+        browser.run("comeAndGo('counter')")
+        status, headers, jpeg = self.ask_bytes(daemon, "/cameras/counter/snapshot.jpg")
+        self.assertEqual(status, 200)
+        gray = subprocess.run(["ffmpeg", "-nostdin", "-loglevel", "error", "-f", "image2pipe", "-c:v", "mjpeg", "-i", "pipe:0",
+                               "-f", "rawvideo", "-pix_fmt", "gray", "pipe:1"], input=jpeg, capture_output=True, check=True,
+                              timeout=WAIT_S).stdout[WIDTH * BLOCK // 2:]
+        number = sum((gray[bit * BLOCK + BLOCK // 2] > 127) << bit for bit in range(BITS))
+        self.assertEqual(number, int(headers["X-Sequence"]) % FRAMES)  # so that it tells when it was taken
+        first, utc = int(headers["X-Sequence"]), int(headers["X-Utc-Ns"]) / 1e6
+        ages = browser.run(f"({AGES})({first % FRAMES}, {utc}, 200, {1000 / RATE})")
+        numbers = [number for number, _ in ages]
+        whole = FRAMES * 1000 / RATE
+        milliseconds = sorted(age % whole for _, age in ages)
+        self.assertGreater(len(set(numbers)), 150, "the numbers are read")
+        p50, p99 = milliseconds[len(ages) // 2], milliseconds[int(0.99 * len(ages))]
+        print(f"720p30, capture to display in the browser: p50 {p50:.0f} ms, p99 {p99:.0f} ms; load {os.getloadavg()[0]:.1f}")
+        self.assertLess(p50, 500)
         self.assertEqual(daemon.stop(), 0)
 
 
