@@ -239,8 +239,9 @@ std::vector<std::string> Daemon::addresses() const {
   if (system->http) {
     const std::string& address = system->http->options().address;
     const bool v6 = address.find(':') != std::string::npos;
-    const std::string host = "http://" + (v6 ? "[" + address + "]" : address) + ":" +
-                             std::to_string(system->http->port());
+    const std::string scheme = system->http->options().tls.any() ? "https://" : "http://";
+    const std::string host =
+        scheme + (v6 ? "[" + address + "]" : address) + ":" + std::to_string(system->http->port());
     out.push_back(host + "/");
     out.push_back(host + "/metrics");
   }

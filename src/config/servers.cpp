@@ -17,15 +17,41 @@ void check_http(TomlTable& root, const HttpOptions& http) {
   }
 }
 
+std::filesystem::path secret_file(const std::filesystem::path& path, const std::string& setting) {
+  return setting.starts_with("credential:") ? std::filesystem::path(setting)
+                                            : resolve(path, setting);
+}
+
+void read_tls_files(TomlTable& table, const std::filesystem::path& path,
+                    const InstallationFiles& files, Installation& installation) {
+  const auto certificate = table.text("certificate"), key = table.text("key");
+  if (!certificate && !key) return;
+  if (!certificate || !key) {
+    table.problem(certificate ? "certificate" : "key", "certificate and key, or neither");
+    return;
+  }
+  TlsFiles tls{secret_file(path, certificate->text), secret_file(path, key->text), 0};
+  const auto content = files.tls(tls);
+  if (!content) {
+    table.problem("certificate",
+                  fmt::format("cannot use certificate and key\n  {}", content.error().message()),
+                  content.error().code);
+    return;
+  }
+  tls.content = *content;
+  installation.http.server.tls = tls;
+  installation.rtsp.server.certificate = tls.certificate;
+  installation.rtsp.server.key = tls.key;
+  installation.rtsp.server.tls_content = tls.content;
+}
+
 // The tokens themselves stay in their file.
 void read_access(TomlTable& root, const std::filesystem::path& path, const InstallationFiles& files,
                  Installation& installation) {
   auto table = root.table("access");
   if (!table) return;
   if (const auto text = table->text("tokens")) {
-    const bool credential = text->text.starts_with("credential:");
-    const std::filesystem::path file =
-        credential ? std::filesystem::path(text->text) : resolve(path, text->text);
+    const std::filesystem::path file = secret_file(path, text->text);
     const auto content = files.tokens(file);
     if (content) {
       installation.http.server.tokens = installation.rtsp.server.tokens = file;
@@ -37,6 +63,7 @@ void read_access(TomlTable& root, const std::filesystem::path& path, const Insta
                      content.error().code);
     }
   }
+  read_tls_files(*table, path, files, installation);
   table->finish();
 }
 

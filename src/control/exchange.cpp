@@ -148,7 +148,8 @@ std::optional<HttpReply> Exchange::judge() {
 // tokens, but cannot keep it from saying whose page it was.
 std::optional<HttpReply> Exchange::judge_origin() const {
   const std::string origin = header("Origin");
-  if (!origin.empty() && origin != "http://" + header(MHD_HTTP_HEADER_HOST)) {
+  const std::string scheme = service_.options.tls.any() ? "https://" : "http://";
+  if (!origin.empty() && origin != scheme + header(MHD_HTTP_HEADER_HOST)) {
     return HttpReply::error(403, "pages of other sites may not ask this server");
   }
   const std::string site = header("Sec-Fetch-Site");

@@ -26,6 +26,10 @@ bool is_content_length(std::string_view name) {
 }  // namespace
 
 RequestGuard::Verdict RequestGuard::take(std::span<const uint8_t> bytes, Time now) {
+  if (opaque_) {
+    const size_t all = since_answer_.fetch_add(bytes.size(), std::memory_order_relaxed);
+    return all + bytes.size() > kMaxOpaque ? Verdict::kTooLarge : Verdict::kPass;
+  }
   for (const uint8_t byte : bytes) {
     if (const Verdict verdict = take_byte(byte, now); verdict != Verdict::kPass) return verdict;
   }

@@ -79,6 +79,8 @@ class RtspConnections {
   /// This client brought a wrong password. After as many as an address may try its connection ends,
   /// and no other from there has room for a minute; those that play go on.
   void wrong_password(const void* client, Time now);
+  /// An answer goes out to this client.
+  void answered(const void* client);
   bool guessed_too_often(const Peer& newcomer, Time now);
   void add(const void* client, Connection connection);
   void remove(const void* client);

@@ -128,7 +128,8 @@ bool SharedStream::send(Media& media, const EncodedPacket& packet) {
   return true;
 }
 
-GObjectPtr<GstRTSPMediaFactory> SharedStream::make_factory(GstRTSPAddressPool* udp_addresses) {
+GObjectPtr<GstRTSPMediaFactory> SharedStream::make_factory(GstRTSPAddressPool* udp_addresses,
+                                                           bool inside_only) {
   GObjectPtr<GstRTSPMediaFactory> factory(gst_rtsp_media_factory_new());
   gst_rtsp_media_factory_set_launch(factory.get(), launch_line(options_).c_str());
   gst_rtsp_media_factory_set_shared(factory.get(), TRUE);
@@ -137,8 +138,9 @@ GObjectPtr<GstRTSPMediaFactory> SharedStream::make_factory(GstRTSPAddressPool* u
   gst_rtsp_media_factory_set_stop_on_disconnect(factory.get(), TRUE);
   gst_rtsp_media_factory_set_address_pool(factory.get(), udp_addresses);
   gst_rtsp_media_factory_set_protocols(
-      factory.get(),
-      static_cast<GstRTSPLowerTrans>(GST_RTSP_LOWER_TRANS_UDP | GST_RTSP_LOWER_TRANS_TCP));
+      factory.get(), inside_only ? GST_RTSP_LOWER_TRANS_TCP
+                                 : static_cast<GstRTSPLowerTrans>(GST_RTSP_LOWER_TRANS_UDP |
+                                                                  GST_RTSP_LOWER_TRANS_TCP));
   g_signal_connect_data(factory.get(), "media-configure",
                         G_CALLBACK(+[](GstRTSPMediaFactory*, GstRTSPMedia* media, gpointer self) {
                           const LibraryCall call(self);

@@ -36,7 +36,8 @@ class SharedStream : public RtspStream, public std::enable_shared_from_this<Shar
 
   /// The factory for the mount point; it keeps the stream alive. RTP over UDP is sent from one of
   /// `udp_addresses`; null: from any address.
-  GObjectPtr<GstRTSPMediaFactory> make_factory(GstRTSPAddressPool* udp_addresses);
+  /// `inside_only`: RTP inside the RTSP connection alone, which is encrypted.
+  GObjectPtr<GstRTSPMediaFactory> make_factory(GstRTSPAddressPool* udp_addresses, bool inside_only);
 
   void viewer_started(const GstRTSPClient* client, const std::string& session);
   void viewer_stopped(const GstRTSPClient* client, const std::string& session);

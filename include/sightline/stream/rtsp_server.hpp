@@ -41,6 +41,13 @@ struct RtspOptions {
   std::filesystem::path tokens;
   uint64_t tokens_content = 0;  ///< hash of that file, so that new tokens are a difference
 
+  /// In PEM. With them the server speaks TLS alone (rtsps://), and sends RTP inside it alone.
+  std::string certificate_pem, key_pem;
+  /// Where these come from, as `users` from `tokens`.
+  std::filesystem::path certificate, key;
+  uint64_t tls_content = 0;
+  bool tls() const { return !certificate_pem.empty(); }
+
   bool operator==(const RtspOptions&) const = default;
 };
 
