@@ -6,14 +6,35 @@
 namespace sightline::config {
 namespace {
 
-void check_http(TomlTable& root, const HttpOptions& http) {
-  if (!is_numeric_address(http.address)) {
-    root.table("http")->problem("address", "a numeric address, as in \"127.0.0.1\" or \"::1\"");
-  } else if (!is_loopback_address(http.address) && http.tokens.empty() && !http.open) {
-    root.table("http")->problem(
+/// An address that other hosts reach takes tokens and TLS, unless the file says that it is open.
+void check_guarded(TomlTable& root, const char* section, const std::filesystem::path& tokens,
+                   const std::filesystem::path& certificate) {
+  if (tokens.empty()) {
+    root.table(section)->problem(
         "address",
         "other hosts could reach it, and nobody would be asked for a token: name a file of tokens "
         "under [access], or say open = true if everybody is meant");
+  } else if (certificate.empty()) {
+    root.table(section)->problem(
+        "address",
+        "other hosts could reach it, and what travels could be read on the way: name certificate "
+        "and key under [access], or say open = true if that is meant");
+  }
+}
+
+void check_http(TomlTable& root, const HttpOptions& http) {
+  if (!is_numeric_address(http.address)) {
+    root.table("http")->problem("address", "a numeric address, as in \"127.0.0.1\" or \"::1\"");
+  } else if (!is_loopback_address(http.address) && !http.open) {
+    check_guarded(root, "http", http.tokens, http.tls.certificate);
+  }
+}
+
+void check_rtsp(TomlTable& root, const RtspOptions& rtsp) {
+  if (rtsp.address.empty()) {
+    root.table("rtsp")->problem("address", "an address to listen at, as in \"0.0.0.0\"");
+  } else if (rtsp.address != "localhost" && !is_loopback_address(rtsp.address) && !rtsp.open) {
+    check_guarded(root, "rtsp", rtsp.tokens, rtsp.certificate);
   }
 }
 
@@ -81,10 +102,10 @@ void read_servers(TomlTable& root, const std::filesystem::path& path,
   section("rtsp", installation.rtsp);
   section("http", installation.http);
   read_access(root, path, files, installation);
-  if (installation.rtsp.server.address.empty()) {
-    root.table("rtsp")->problem("address", "an address to listen at, as in \"0.0.0.0\"");
-  }
   const HttpOptions& http = installation.http.server;
+  if (installation.rtsp.enabled || installation.rtsp.server.address.empty()) {
+    check_rtsp(root, installation.rtsp.server);
+  }
   check_http(root, http);
   const bool same = http.port != 0 && installation.rtsp.server.port == http.port;
   if (installation.rtsp.enabled && installation.http.enabled && same) {

@@ -25,6 +25,9 @@ struct RtspOptions {
   /// Numeric address or host name to bind. Without users "0.0.0.0" lets everybody on the network
   /// watch.
   std::string address = "127.0.0.1";
+  /// An address that is not loopback may be watched without passwords or without TLS. The daemon's
+  /// to check.
+  bool open = false;
   uint16_t port = 8554;  ///< 0: any free one, see RtspServer::port()
   /// A viewer that shows no sign of life (RTCP, keep-alive) for so long is dropped.
   Duration session_timeout = std::chrono::seconds(60);
