@@ -47,6 +47,7 @@ Daemon::Daemon(const DaemonOptions& options, std::shared_ptr<HttpWaker> waker)
                sources_,
                std::make_shared<FrameTaps>(),
                std::make_shared<PoseFeed>(registry_, waker_),
+               nullptr,
                nullptr} {
   system_.publish(std::make_shared<const System>());
   config_.publish(std::make_shared<const ConfigReport>());
@@ -69,6 +70,7 @@ Result<std::unique_ptr<Daemon>> Daemon::start(Installation installation,
 
 Status Daemon::prepare_web() {
   SL_ASSIGN(context_.pictures, PictureBoard::start(registry_, beats_, waker_));
+  context_.whep = WhepService::start(options_.serve, beats_, waker_);
   context_.http = web_content({.registry = &registry_,
                                .health = [this] { return health(); },
                                .system = [this] { return system_.read(); },
@@ -77,6 +79,7 @@ Status Daemon::prepare_web() {
                                .request_reload = options_.request_reload,
                                .poses = context_.poses,
                                .pictures = context_.pictures,
+                               .whep = context_.whep,
                                .waker = waker_});
   return {};
 }
@@ -236,8 +239,9 @@ std::vector<std::string> Daemon::addresses() const {
   if (system->http) {
     const std::string& address = system->http->options().address;
     const bool v6 = address.find(':') != std::string::npos;
-    const std::string host = "http://" + (v6 ? "[" + address + "]" : address) + ":" +
-                             std::to_string(system->http->port());
+    const std::string scheme = system->http->options().tls.any() ? "https://" : "http://";
+    const std::string host =
+        scheme + (v6 ? "[" + address + "]" : address) + ":" + std::to_string(system->http->port());
     out.push_back(host + "/");
     out.push_back(host + "/metrics");
   }

@@ -6,6 +6,7 @@
 #include "sightline/base/files.hpp"
 #include "sightline/pipeline/parallel.hpp"
 #include "sightline/pipeline/rig_parts.hpp"
+#include "workers/stage_latency.hpp"
 
 namespace sightline {
 namespace {
@@ -178,9 +179,10 @@ Result<ObserveStage> SystemBuilder::observe_stage(const System& next, CameraId i
     SL_ASSIGN(stage.learner, make_learner(next.installation, *next.rig, id));
   }
   stage.board = next.board;
-  stage.on_observation = [fusion = next.fusion](Observation observation) {
-    fusion->push(std::move(observation));
-  };
+  const std::string& name = next.installation.cameras[id.index()].name;
+  stage.on_observation =
+      [fusion = next.fusion, &fused = stage_latency(context_.registry, name, "fused")](
+          Observation observation) { fusion->push(std::move(observation), &fused); };
   return stage;
 }
 

@@ -14,6 +14,7 @@
 #include "system/system.hpp"
 #include "web/picture_board.hpp"
 #include "web/pose_feed.hpp"
+#include "web/whep_service.hpp"
 
 namespace sightline {
 
@@ -44,6 +45,7 @@ struct SystemContext {
   std::shared_ptr<FrameTaps> taps;
   std::shared_ptr<PoseFeed> poses;
   std::shared_ptr<PictureBoard> pictures;
+  std::shared_ptr<WhepService> whep;
   HttpContent http{};
 };
 

@@ -196,7 +196,8 @@ Result<std::shared_ptr<StreamOutput>> SystemExchange::output_of(const std::strin
   }
   SL_ASSIGN(auto stream, add_stream(name, options));
   return StreamOutput::create(name, options, next_.rig->names(), std::move(stream),
-                              context_.pictures->slot(name), context_.registry);
+                              context_.whep->stream(name), context_.pictures->slot(name),
+                              context_.registry);
 }
 
 // Of workers that go on, to a server that is another now.
@@ -284,6 +285,7 @@ void SystemExchange::retire_old() {
   Registry& registry = context_.registry;
   const std::set<std::string> streams = stream_names(next_.installation);
   context_.pictures->keep_only({streams.begin(), streams.end()});
+  context_.whep->keep_only({streams.begin(), streams.end()});
   remove_metrics(registry, old_.installation, next_.installation);
   if (old_.recorder && old_.recorder != next_.recorder) (void)old_.recorder->stop();
   if (!next_.recorder) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "system/system_status.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <ctime>
 #include <nlohmann/json.hpp>
@@ -39,6 +40,7 @@ Json camera_json(const CameraWorker& camera) {
             {"not_observed", status.not_observed},
             {"not_drawn", status.not_drawn},
             {"viewers", output ? output->viewers() : 0},
+            {"webrtc_viewers", output ? output->browsers() : 0},
             {"picture_viewers", output ? output->pictures().watchers() : 0}};
   if (status.frame_age_s >= 0) json["frame_age_s"] = status.frame_age_s;
   if (output) json["url"] = output->url();
@@ -163,10 +165,20 @@ Json views_array(const System& system) {
                      {"width", output.options().width},
                      {"height", output.options().height},
                      {"viewers", output.viewers()},
+                     {"webrtc_viewers", output.browsers()},
                      {"picture_viewers", output.pictures().watchers()},
                      {"url", output.url()}});
   }
   return views;
+}
+
+bool has_webrtc(const System& system) {
+  const auto streams = [](const auto& worker) {
+    return worker->output() && worker->output()->has_webrtc();
+  };
+  return system.installation.http.server.webrtc_viewers > 0 &&
+         (std::ranges::any_of(system.cameras, streams) ||
+          std::ranges::any_of(system.views, streams));
 }
 
 }  // namespace
@@ -175,7 +187,8 @@ std::string state_json(const System& system, const ConfigReport& config,
                        const std::vector<ThreadWait>& waits, Layout layout) {
   Json json{{"name", system.installation.name},
             {"utc_ns", utc_now_ns()},
-            {"config", config_json(config)}};
+            {"config", config_json(config)},
+            {"webrtc", has_webrtc(system)}};
   if (system.recorder) json["recording"] = recording_json(system.recorder->status());
   for (const ThreadWait& wait : waits) json["waiting"].push_back(wait_json(wait));
   json["cameras"] = cameras_array(system);

@@ -11,6 +11,7 @@
 #include "system/system.hpp"
 #include "web/picture_board.hpp"
 #include "web/pose_feed.hpp"
+#include "web/whep_service.hpp"
 
 namespace sightline {
 
@@ -24,6 +25,7 @@ struct WebSources {
   std::function<void()> request_reload;  ///< empty: this program does not reload
   std::shared_ptr<PoseFeed> poses;
   std::shared_ptr<PictureBoard> pictures;
+  std::shared_ptr<WhepService> whep;
   std::shared_ptr<HttpWaker> waker;
 };
 

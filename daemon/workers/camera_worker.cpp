@@ -5,6 +5,7 @@
 #include <condition_variable>
 
 #include "sightline/base/log.hpp"
+#include "workers/stage_latency.hpp"
 
 namespace sightline {
 
@@ -117,6 +118,9 @@ CameraWorker::CameraWorker(CameraParts parts, Registry& registry)
                          "Share of the objects' pixels that something was learned to hide",
                          camera_labels(parts_.name))) {
   signal_.set_rate(parts_.rate_hz);
+  captured_ = &stage_latency(registry, parts_.name, "captured");
+  if (observes_) observed_ = &stage_latency(registry, parts_.name, "observed");
+  if (parts_.output) drawn_ = &stage_latency(registry, parts_.name, "drawn");
 }
 
 void CameraWorker::request_stop() {
@@ -296,6 +300,7 @@ void CameraWorker::measure(const FrameInfo& info) {
   lost_.add(info.dropped_before);
   const Time last = last_arrival_.exchange(info.arrival);
   capture_age_.set(to_seconds(info.arrival - info.capture));
+  captured_->observe(to_seconds(info.arrival - info.capture));
   capture_error_.set(to_seconds(info.capture_error));
   const double step = to_seconds(info.arrival - last);
   if (last == Time{} || step <= 0) return;
@@ -314,6 +319,7 @@ void CameraWorker::observe(std::stop_token stop, Heartbeat& heartbeat) {
     stage.board->read(observe_tracks_);
     observations_.clear();
     stage.observer->step(**frame, observe_tracks_, observations_);
+    observe_age(*observed_, (*frame)->info().capture);
     for (Observation& observation : observations_) {
       stage.on_observation(std::move(observation));
     }
@@ -394,6 +400,7 @@ void CameraWorker::draw_one(const FramePtr& frame, DrawStage& stage) {
   if (stage.points) draw_points(image->mutable_view(), frame->info().capture, stage);
   annotated_.image = std::move(image);
   draw_seconds_.set(to_seconds(MonotonicClock::now() - start));
+  observe_age(*drawn_, frame->info().capture);
   parts_.output->accept(annotated_);
   annotated_.image.reset();
 }

@@ -138,6 +138,8 @@ class CameraWorker {
 
   CameraParts parts_;
   const bool observes_;
+  // null where there is no such stage
+  LatencyHistogram *captured_ = nullptr, *observed_ = nullptr, *drawn_ = nullptr;
   LatestSlot<FramePtr> observe_slot_, draw_slot_;
   Snapshot<const OcclusionDepth> hidden_;
   ImagePool images_;

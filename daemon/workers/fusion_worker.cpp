@@ -7,6 +7,7 @@
 
 #include "sightline/base/check.hpp"
 #include "sightline/base/log.hpp"
+#include "workers/stage_latency.hpp"
 
 namespace sightline {
 
@@ -61,8 +62,8 @@ FusionWorker::FusionWorker(std::unique_ptr<ObjectFusion> fusion,
   }
 }
 
-void FusionWorker::push(Observation observation) {
-  if (queue_.push(std::move(observation))) dropped_.add();
+void FusionWorker::push(Observation observation, LatencyHistogram* latency) {
+  if (queue_.push({std::move(observation), latency})) dropped_.add();
 }
 
 void FusionWorker::set_doubted(ObjectId object, bool doubted) {
@@ -98,7 +99,7 @@ void FusionWorker::stop() {
 void FusionWorker::run(std::stop_token stop, Heartbeat& heartbeat) {
   while (!stop.stop_requested()) {
     heartbeat.beat();
-    if (auto observation = queue_.pop(stop, 20ms)) take(*observation);
+    if (auto item = queue_.pop(stop, 20ms)) take(item->observation, item->latency);
     forget_those_named();
     for (const ObjectId object : fusion_->advance(MonotonicClock::now())) {
       const TrackState state = fusion_->estimator(object).state();
@@ -150,7 +151,7 @@ void FusionWorker::log_reasons(const PoseEstimate& estimate, ReasonLog& log) {
   log::info("{}: degraded: {}", log.object, text);
 }
 
-void FusionWorker::take(const Observation& observation) {
+void FusionWorker::take(const Observation& observation, LatencyHistogram* latency) {
   const size_t index = observation.object.index();
   SL_CHECK(index < counters_.size(), "observation of an object of another installation");
   fusion_->set_doubted(observation.object, doubted_[index]);
@@ -162,6 +163,7 @@ void FusionWorker::take(const Observation& observation) {
     counters.late->add();
     return;
   }
+  if (latency != nullptr) observe_age(*latency, observation.capture);
   counters.state->set(static_cast<double>(report.estimate.state));
   for (size_t bit = 0; bit < counters.degraded_reasons.size(); ++bit) {
     counters.degraded_reasons[bit]->set(report.estimate.degraded_reasons >> bit & 1);

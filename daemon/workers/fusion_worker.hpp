@@ -32,8 +32,9 @@ class FusionWorker {
       Registry& registry, HeartbeatBoard& beats, OnEstimate on_estimate);
   ~FusionWorker() { stop(); }
 
-  /// Takes one frame's observation; from any thread, never waits.
-  void push(Observation observation);
+  /// Takes one frame's observation; from any thread, never waits. `latency` (may be null) gets its
+  /// age when it has been fused.
+  void push(Observation observation, LatencyHistogram* latency = nullptr);
   /// ObjectEstimator::set_doubted() for the observations from now on; from any thread, never waits.
   void set_doubted(ObjectId object, bool doubted);
   /// Drops what is known of an object, a moment later; from any thread, never waits.
@@ -44,7 +45,7 @@ class FusionWorker {
   FusionWorker(std::unique_ptr<ObjectFusion> fusion, const std::vector<NamedObject>& objects,
                Registry& registry, OnEstimate on_estimate);
   void run(std::stop_token stop, Heartbeat& heartbeat);
-  void take(const Observation& observation);
+  void take(const Observation& observation, LatencyHistogram* latency);
   void forget_those_named();
   void tell_of_silence(ObjectId object);
 
@@ -65,7 +66,11 @@ class FusionWorker {
 
   std::unique_ptr<ObjectFusion> fusion_;
   OnEstimate on_estimate_;
-  BoundedQueue<Observation> queue_{256};
+  struct Item {
+    Observation observation;
+    LatencyHistogram* latency;
+  };
+  BoundedQueue<Item> queue_{256};
   std::mutex mutex_;  // guards forget_
   std::vector<ObjectId> forget_;
   Counter& dropped_;

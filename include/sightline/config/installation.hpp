@@ -163,6 +163,8 @@ struct InstallationFiles {
   std::function<uint64_t(const std::filesystem::path&)> content;  ///< hash; 0 if unreadable
   /// Hash of a token file that can be used; 0 for a credential that only the service will have.
   std::function<Result<uint64_t>(const std::filesystem::path&)> tokens;
+  /// The same of certificate and key.
+  std::function<Result<uint64_t>(const TlsFiles&)> tls;
 
   static InstallationFiles on_disk();
 };
