@@ -35,12 +35,12 @@ struct CalibrationWatchOptions {
   Duration bucket = std::chrono::seconds(2);        ///< looks that are kept as one sum
   int buckets = 300;                                ///< that many of them are kept ...
   int coarse_buckets = 240;                         ///< ... and of 30 buckets each so many
-  int confirm_buckets = 3;                          ///< that agree before a camera is flagged
-  double significance = 30;  ///< squared Mahalanobis distance beyond which it is
+  int confirm_buckets = 4;                          ///< that agree before a camera is flagged
+  double significance = 60;  ///< squared Mahalanobis distance beyond which it is
   /// One sigma of what a camera that is in order may be off, by its lens and the like. What is
   /// found is never claimed to be known better.
-  double floor_rotation = 0.00014;     ///< [rad] (0.008 deg)
-  double floor_translation = 0.00015;  ///< [m]
+  double floor_rotation = 0.00014;    ///< [rad] (0.008 deg)
+  double floor_translation = 0.0001;  ///< [m]
   /// One sigma of how far a camera may have been moved, before anything is known.
   double prior_rotation = 0.05;     ///< [rad]
   double prior_translation = 0.05;  ///< [m]

@@ -19,8 +19,10 @@ using calibrate::RoundComparison;
 
 namespace {
 
-constexpr double kDisputed = 0.7;     // of the largest gain: nobody tells which is wrong
+constexpr double kDisputed = 0.8;     // of the largest gain: nobody tells which is wrong
 constexpr double kRestored = 10;      // significance below which a flagged camera is in order again
+constexpr double kMargin = 10;        // of the gain; less may be chance
+constexpr int kDisputedBuckets = 10;  // before a dispute is one
 constexpr size_t kRecent = 15;        // buckets that tell so
 constexpr size_t kFewestBuckets = 5;  // before anything is said
 constexpr size_t kFewest = 2;         // buckets that a correction is made of
@@ -46,8 +48,8 @@ std::string_view to_string(CalibrationState state) {
 
 struct CalibrationWatch::Impl {
   struct Candidate {
-    bool found = false;
     CourseFit course;
+    double gain = 0;    // of it, without the variance factor
     int confirmed = 0;  // buckets in which it was the one to blame
   };
 
@@ -69,6 +71,7 @@ struct CalibrationWatch::Impl {
   std::vector<Candidate> candidates;
   std::vector<CameraWatch> verdicts;
   std::vector<std::shared_ptr<const Matrix6>> doubts;
+  int disputed = 0;  // buckets in which more than one camera could be to blame
   Time bucket_end = Time::min();
 };
 
@@ -81,6 +84,7 @@ void CalibrationWatch::Impl::reset() {
     doubts[i].reset();
   }
   for (LookRounds& r : rounds) r.clear();
+  disputed = 0;
   bucket_end = Time::min();
 }
 
@@ -120,42 +124,51 @@ void CalibrationWatch::Impl::judge_flagged(size_t camera) {
   }
 }
 
-// A wrong camera makes those look wrong that are compared with it, but never as much.
+// A wrong camera makes those look wrong that are compared with it, but its own correction explains
+// the most.
 void CalibrationWatch::Impl::find_culprit(Time now) {
-  size_t worst = evidence.size();
-  double second = 0;
+  const size_t none = evidence.size();
+  size_t worst = none;
+  double second = 0, scale = 1;
   for (size_t i = 0; i < evidence.size(); ++i) {
-    Candidate& candidate = candidates[i];
-    candidate.found = false;
-    if (voters[i] == 0 || evidence[i].size() < kFewestBuckets) continue;
-    candidate.course = evidence[i].fit_course();
-    candidate.found = candidate.course.now.significance > options.significance;
-    if (!candidate.found) continue;
-    if (worst == evidence.size() || candidate.course.gain > candidates[worst].course.gain) {
-      if (worst != evidence.size()) second = std::max(second, candidates[worst].course.gain);
-      worst = i;
-    } else {
-      second = std::max(second, candidate.course.gain);
-    }
-  }
-  for (size_t i = 0; i < evidence.size(); ++i) {
-    if (i != worst) candidates[i].confirmed = 0;
     if (voters[i] == 0) continue;
-    verdicts[i].state = evidence[i].size() < kFewestBuckets ? CalibrationState::kUnknown
-                                                            : CalibrationState::kInOrder;
-  }
-  if (worst == evidence.size()) return;
-  const double limit = kDisputed * candidates[worst].course.gain;
-  if (second > limit) {
-    for (size_t i = 0; i < evidence.size(); ++i) {
-      if (candidates[i].found && candidates[i].course.gain >= limit) {
-        verdicts[i].state = CalibrationState::kDisputed;
-      }
+    const bool enough = evidence[i].size() >= kFewestBuckets;
+    verdicts[i].state = enough ? CalibrationState::kInOrder : CalibrationState::kUnknown;
+    if (!enough) continue;
+    candidates[i].course = evidence[i].fit_course();
+    // Of one scale for all, as they are compared.
+    const double gain = candidates[i].gain = candidates[i].course.gain * evidence[i].scale();
+    scale = std::max(scale, evidence[i].scale());
+    if (worst != none && gain <= candidates[worst].gain) {
+      second = std::max(second, gain);
+      continue;
     }
-    candidates[worst].confirmed = 0;
+    if (worst != none) second = std::max(second, candidates[worst].gain);
+    worst = i;
+  }
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    if (i != worst) candidates[i].confirmed = 0;
+  }
+  const bool found =
+      worst != none && candidates[worst].course.now.significance > options.significance;
+  if (!found) {
+    disputed = 0;
+    if (worst != none) candidates[worst].confirmed = 0;
     return;
   }
-  if (++candidates[worst].confirmed >= options.confirm_buckets) flag(worst, now);
+  const double gain = candidates[worst].gain;
+  if (second <= kDisputed * gain && second + kMargin * scale <= gain) {
+    disputed = 0;
+    if (++candidates[worst].confirmed >= options.confirm_buckets) flag(worst, now);
+    return;
+  }
+  candidates[worst].confirmed = 0;
+  if (++disputed < kDisputedBuckets) return;
+  for (size_t i = 0; i < evidence.size(); ++i) {
+    const bool may_be = voters[i] != 0 && evidence[i].size() >= kFewestBuckets &&
+                        candidates[i].gain >= std::min(kDisputed * gain, gain - kMargin * scale);
+    if (may_be) verdicts[i].state = CalibrationState::kDisputed;
+  }
 }
 
 void CalibrationWatch::Impl::flag(size_t camera, Time now) {

@@ -12,6 +12,8 @@ constexpr double kMinQuality = 0.2;
 // A step to a camera's own minimum may be about so long before it is held back [rad, m].
 constexpr double kStepRotation = 0.1, kStepTranslation = 0.1;
 constexpr int kSteps = 2;
+// Of the liveliest motion's noise; what is more shows in the scatter (CameraEvidence::scale()).
+constexpr double kCalm = 0.5;
 // A motion that the track knows no better than this carries nothing from one time to another.
 constexpr Duration kMaxAge = std::chrono::milliseconds(120);
 
@@ -143,7 +145,7 @@ bool RoundComparison::load(const LookRound& round, const PoseTrack& track) {
   if (!is_known(at) || at.estimate.last_measured < middle - kMaxAge) return false;
   world_from_object_ = at.estimate.world_from_object;
   const Matrix6 twist_covariance = at.estimate.covariance.bottomRightCorner<6, 6>();
-  const MotionNoise noise;
+  const double angular = kCalm * MotionNoise().angular, linear = kCalm * MotionNoise().linear;
   for (size_t i = 0; i < looks_.size(); ++i) {
     Look& look = looks_[i] = round.looks[i];
     if (!look.usable) continue;
@@ -154,8 +156,8 @@ bool RoundComparison::load(const LookRound& round, const PoseTrack& track) {
     if (look.time == middle) continue;
     Matrix6 spread = dt * dt * twist_covariance;
     const double cube = std::abs(dt * dt * dt) / 3;
-    spread.diagonal().head<3>().array() += noise.angular * noise.angular * cube;
-    spread.diagonal().tail<3>().array() += noise.linear * noise.linear * cube;
+    spread.diagonal().head<3>().array() += angular * angular * cube;
+    spread.diagonal().tail<3>().array() += linear * linear * cube;
     integrate_out(spread, look);
   }
   return true;
