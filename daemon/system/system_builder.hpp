@@ -45,6 +45,7 @@ struct SystemContext {
   std::shared_ptr<PoseFeed> poses;
   std::shared_ptr<PictureBoard> pictures;
   HttpContent http{};
+  std::function<void()> request_reload{};  ///< empty: this program does not reload
 };
 
 /// Makes a system for an installation beside the one that runs. Threads: any, one at a time.

@@ -64,8 +64,12 @@ class RunningRig {
   /// Takes over what is proposed for a camera.
   void accept(size_t i) {
     const SyntheticRig rig(short_options());
-    watch_->set_camera(CameraId(static_cast<uint32_t>(i)),
-                       rig.cameras()[i].world_from_camera * Rigid3::exp(camera(i).correction));
+    std::vector<std::optional<Rigid3>> poses;
+    for (const CalibratedCamera& calibrated : rig.cameras()) {
+      poses.push_back(calibrated.world_from_camera);
+    }
+    *poses[i] = *poses[i] * Rigid3::exp(camera(i).correction);
+    watch_->set_cameras(poses);
   }
 
   double mean_error_mm() const { return error_sum_ / std::max(1, errors_) * 1e3; }

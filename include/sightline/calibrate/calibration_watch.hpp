@@ -36,7 +36,7 @@ struct CalibrationWatchOptions {
   int buckets = 300;                                ///< that many of them are kept ...
   int coarse_buckets = 240;                         ///< ... and of 30 buckets each so many
   int confirm_buckets = 4;                          ///< that agree before a camera is flagged
-  double significance = 60;  ///< squared Mahalanobis distance beyond which it is
+  double significance = 50;  ///< squared Mahalanobis distance beyond which it is
   /// One sigma of what a camera that is in order may be off, by its lens and the like. What is
   /// found is never claimed to be known better.
   double floor_rotation = 0.00014;    ///< [rad] (0.008 deg)
@@ -92,8 +92,8 @@ class CalibrationWatch {
   /// on the left of world_from_object (world axes) [rad, m]. Null: not at all.
   const std::shared_ptr<const Matrix6>& doubt(CameraId camera) const;
 
-  /// A new calibration of one camera; what is known of all of them is forgotten if it differs.
-  void set_camera(CameraId camera, const std::optional<Rigid3>& world_from_camera);
+  /// A calibration that may be another; what is known is forgotten if it is.
+  void set_cameras(std::vector<std::optional<Rigid3>> world_from_camera);
 
  private:
   struct Impl;

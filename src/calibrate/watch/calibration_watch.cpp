@@ -60,11 +60,13 @@ struct CalibrationWatch::Impl {
   void flag(size_t camera, Time now);
   void restore(size_t camera);
   void describe(size_t camera);
+  void resize();
   void reset();
 
   CalibrationWatchOptions options;
   std::vector<std::optional<Rigid3>> world_from_camera;
-  std::vector<LookRounds> rounds;  // by ObjectId
+  std::vector<ShapeSymmetry> shape_symmetry;  // by ObjectId
+  std::vector<LookRounds> rounds;             // by ObjectId
   RoundComparison comparison;
   std::vector<CameraEvidence> evidence;  // by CameraId, as all below
   std::vector<char> voters;
@@ -74,6 +76,21 @@ struct CalibrationWatch::Impl {
   int disputed = 0;  // buckets in which more than one camera could be to blame
   Time bucket_end = Time::min();
 };
+
+// Starts anew with the cameras that there are.
+void CalibrationWatch::Impl::resize() {
+  const size_t cameras = world_from_camera.size();
+  rounds.clear();
+  for (const ShapeSymmetry& symmetry : shape_symmetry) {
+    rounds.emplace_back(cameras, options.round, symmetry);
+  }
+  evidence.assign(cameras, CameraEvidence(options));
+  voters.resize(cameras);
+  candidates.resize(cameras);
+  verdicts.resize(cameras);
+  doubts.resize(cameras);
+  reset();
+}
 
 void CalibrationWatch::Impl::reset() {
   for (size_t i = 0; i < evidence.size(); ++i) {
@@ -237,18 +254,10 @@ CalibrationWatch::CalibrationWatch(std::vector<std::optional<Rigid3>> world_from
                                    std::vector<ShapeSymmetry> shape_symmetry,
                                    const CalibrationWatchOptions& options)
     : impl_(std::make_unique<Impl>()) {
-  const size_t cameras = world_from_camera.size();
   impl_->options = options;
   impl_->world_from_camera = std::move(world_from_camera);
-  for (const ShapeSymmetry& symmetry : shape_symmetry) {
-    impl_->rounds.emplace_back(cameras, options.round, symmetry);
-  }
-  impl_->evidence.assign(cameras, CameraEvidence(options));
-  impl_->voters.resize(cameras);
-  impl_->candidates.resize(cameras);
-  impl_->verdicts.resize(cameras);
-  impl_->doubts.resize(cameras);
-  impl_->reset();
+  impl_->shape_symmetry = std::move(shape_symmetry);
+  impl_->resize();
 }
 
 CalibrationWatch::~CalibrationWatch() = default;
@@ -281,12 +290,11 @@ const std::shared_ptr<const Matrix6>& CalibrationWatch::doubt(CameraId camera) c
   return camera.index() < impl_->doubts.size() ? impl_->doubts[camera.index()] : kNoDoubt;
 }
 
-void CalibrationWatch::set_camera(CameraId camera, const std::optional<Rigid3>& pose) {
+void CalibrationWatch::set_cameras(std::vector<std::optional<Rigid3>> world_from_camera) {
   Impl& impl = *impl_;
-  if (camera.index() >= impl.world_from_camera.size()) return;
-  if (impl.world_from_camera[camera.index()] == pose) return;
-  impl.world_from_camera[camera.index()] = pose;
-  impl.reset();
+  if (impl.world_from_camera == world_from_camera) return;
+  impl.world_from_camera = std::move(world_from_camera);
+  impl.resize();
 }
 
 }  // namespace sightline
