@@ -80,6 +80,19 @@ void integrate_out(const Matrix6& spread, Look& look) {
   look.information = 0.5 * (information + information.transpose());
 }
 
+// The filter's own twist leans towards the camera that was the last before; what the object moved
+// by meanwhile does not.
+constexpr Duration kMotionSpan = std::chrono::milliseconds(50);
+Vector6 mean_twist(const PoseTrack& track, Time time, const Vector6& otherwise) {
+  const PoseAt before = track.at(time - kMotionSpan), after = track.at(time + kMotionSpan);
+  if (before.source != PoseSource::kInterpolated && before.source != PoseSource::kEstimated) {
+    return otherwise;
+  }
+  if (after.source == PoseSource::kNone) return otherwise;
+  return difference(before.estimate.world_from_object, after.estimate.world_from_object) /
+         to_seconds(2 * kMotionSpan);
+}
+
 bool is_known(const PoseAt& at) {
   return at.source != PoseSource::kNone &&
          (at.estimate.state == TrackState::kTracking || at.estimate.state == TrackState::kDegraded);
@@ -145,12 +158,13 @@ bool RoundComparison::load(const LookRound& round, const PoseTrack& track) {
   if (!is_known(at) || at.estimate.last_measured < middle - kMaxAge) return false;
   world_from_object_ = at.estimate.world_from_object;
   const Matrix6 twist_covariance = at.estimate.covariance.bottomRightCorner<6, 6>();
+  const Vector6 twist = mean_twist(track, middle, at.estimate.twist);
   const double angular = kCalm * MotionNoise().angular, linear = kCalm * MotionNoise().linear;
   for (size_t i = 0; i < looks_.size(); ++i) {
     Look& look = looks_[i] = round.looks[i];
     if (!look.usable) continue;
     const double dt = to_seconds(look.time - middle);
-    const Rigid3 there = world_from_object_ * Rigid3::exp(at.estimate.twist * dt);
+    const Rigid3 there = world_from_object_ * Rigid3::exp(twist * dt);
     look.gradient += look.information * difference(look.reference, there);
     look.reference = world_from_object_;
     if (look.time == middle) continue;
