@@ -42,8 +42,8 @@ struct CalibrationWatchOptions {
   double floor_rotation = 0.00014;    ///< [rad] (0.008 deg)
   double floor_translation = 0.0001;  ///< [m]
   /// One sigma of how far a camera may have been moved, before anything is known.
-  double prior_rotation = 0.05;     ///< [rad]
-  double prior_translation = 0.05;  ///< [m]
+  double prior_rotation = 0.02;     ///< [rad]
+  double prior_translation = 0.01;  ///< [m]
 };
 
 /// One camera against its calibration.
