@@ -19,9 +19,9 @@ namespace {
 constexpr Duration kTurn = 500ms;
 constexpr Duration kStallLimit = 10s;
 constexpr Duration kBetweenProposals = 10s;
-// A place that is taken over without being asked has been measured for so long, to so much.
+// A place that is taken over without being asked has been measured for so long, so well.
 constexpr Duration kMeasured = 30s;
-constexpr double kSurePlace = 0.003, kSureAngle = 0.0035;  // [m, rad] one sigma of each axis
+constexpr double kSure = 1;  // CameraWatch::look_ratio
 
 std::string clock_text(Time time) {
   const auto seconds = static_cast<std::time_t>(utc_ns_of(time) / 1'000'000'000);
@@ -34,12 +34,6 @@ std::string clock_text(Time time) {
 
 std::string since_words(const CameraWatch& watch) {
   return watch.since_start ? "since before the start" : "since about " + clock_text(watch.since);
-}
-
-bool is_sure(const CameraWatch& watch) {
-  const Vector6 variance = watch.covariance.diagonal();
-  return variance.head<3>().maxCoeff() < kSureAngle * kSureAngle &&
-         variance.tail<3>().maxCoeff() < kSurePlace * kSurePlace;
 }
 
 void log_event(const std::string& name, const CameraWatch& watch, CalibrationState before) {
@@ -176,7 +170,7 @@ void CalibrationKeeper::recover(const std::vector<CameraWatch>& watches) {
   for (size_t i = 0; i < std::min(cameras_.size(), watches.size()); ++i) {
     const CameraWatch& watch = watches[i];
     if (watch.state != CalibrationState::kKnocked || now - watch.flagged < kMeasured) continue;
-    if (is_sure(watch)) sure.push_back(cameras_[i].name);
+    if (watch.look_ratio < kSure) sure.push_back(cameras_[i].name);
   }
   if (sure.empty()) return;
   const Waiting waiting("the disk");

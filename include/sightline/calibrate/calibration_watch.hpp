@@ -59,7 +59,10 @@ struct CameraWatch {
   bool since_start = false;  ///< it was so when the watch began
   Vector6 rate = Vector6::Zero();  ///< of a drift [rad/s, m/s]
   double vote = 1;                 ///< share of its weight that it still has, 0..1
-  double compared_s = 0;           ///< time in which it could be compared with others [s]
+  /// What the covariance does to a look at where the object was, against that look's own: below 1
+  /// the correction is as good there as a look.
+  double look_ratio = 0;
+  double compared_s = 0;  ///< time in which it could be compared with others [s]
 };
 
 /// Watches over the places of a rig's cameras while it runs. Of every look of a camera at a tracked

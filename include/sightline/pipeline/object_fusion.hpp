@@ -35,6 +35,7 @@ class ObjectFusion {
 
   /// What the cameras' places are believed to be; null: nobody watches.
   CalibrationWatch* watch() { return watch_.get(); }
+  const CalibrationWatch* watch() const { return watch_.get(); }
   /// Whether process() brought a new verdict on a camera.
   bool has_verdict() const { return verdict_; }
 

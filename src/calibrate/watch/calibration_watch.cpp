@@ -247,7 +247,9 @@ void CalibrationWatch::Impl::describe(size_t camera) {
   const Matrix6 moments = verdict.correction * verdict.correction.transpose() + verdict.covariance;
   doubts[camera] =
       std::make_shared<const Matrix6>(world_from_camera[camera]->covariance_in_target(moments));
-  verdict.vote = 6 / (6 + verdict.correction.dot(own.round_information() * verdict.correction));
+  const Matrix6 look = own.round_information();
+  verdict.vote = 6 / (6 + verdict.correction.dot(look * verdict.correction));
+  verdict.look_ratio = (look * verdict.covariance).trace() / 6;
 }
 
 CalibrationWatch::CalibrationWatch(std::vector<std::optional<Rigid3>> world_from_camera,
