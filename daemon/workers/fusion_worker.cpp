@@ -74,6 +74,7 @@ void FusionWorker::forget(ObjectId object) {
 void FusionWorker::set_cameras(std::vector<std::optional<Rigid3>> world_from_camera) {
   std::lock_guard lock(mutex_);
   next_cameras_ = std::move(world_from_camera);
+  calibration_.publish(nullptr);  // what it says is of the calibration before
 }
 
 void FusionWorker::take_cameras() {
@@ -89,6 +90,8 @@ void FusionWorker::take_cameras() {
 
 void FusionWorker::publish_calibration() {
   const auto cameras = fusion_->watch()->cameras();
+  std::lock_guard lock(mutex_);
+  if (next_cameras_) return;
   calibration_.publish(
       std::make_shared<const std::vector<CameraWatch>>(cameras.begin(), cameras.end()));
 }

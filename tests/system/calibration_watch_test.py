@@ -63,12 +63,15 @@ class Watch(DaemonCase):
     def wait_for_state(self, daemon, camera, state):
         wait_until(lambda: self.verdict(daemon, camera).get("state") == state, f"{camera} is {state}")
 
+    def wait_for_metric(self, daemon, name, value):
+        wait_until(lambda: daemon.metric(name, camera="side") == value, f"{name} is {value}")
+
     def test_cameras_that_stand_where_they_should_are_in_order(self):
         daemon = self.start()
         for camera in ("left", "right", "side"):
             self.wait_for_state(daemon, camera, "in_order")
-            self.assertEqual(daemon.metric("sightline_camera_calibration_state", camera=camera), 1)
             self.assertEqual(daemon.metric("sightline_camera_vote_ratio", camera=camera), 1)
+        self.wait_for_metric(daemon, "sightline_camera_calibration_state", 1)
         self.assertNotIn("knocked", daemon.log_text())
 
     def test_a_turned_camera_is_flagged_and_its_place_accepted(self):
@@ -81,7 +84,7 @@ class Watch(DaemonCase):
         self.assertTrue(verdict["since_start"])
         self.assertEqual([len(row) for row in verdict["proposed"]["covariance"]], [6] * 6)
         self.assertEqual(self.verdict(daemon, "left")["state"] == "knocked", False)
-        self.assertEqual(daemon.metric("sightline_camera_calibration_state", camera="side"), 2)
+        self.wait_for_metric(daemon, "sightline_camera_calibration_state", 2)
         self.assertEqual(daemon.log_text().count("camera side: knocked"), 1)
         wait_until(lambda: os.path.exists(verdict["proposed"]["file"]), "the proposal is written")
         truth = places(f"{BENCH}/calibration.toml")["side"]
@@ -98,7 +101,7 @@ class Watch(DaemonCase):
         self.assertEqual([read_text(self.path(name)) for name in kept], [before])
         self.assertTrue(self.reload(daemon, read_text(self.config)))
         self.wait_for_state(daemon, "side", "in_order")
-        self.assertEqual(daemon.metric("sightline_camera_vote_ratio", camera="side"), 1)
+        self.wait_for_metric(daemon, "sightline_camera_vote_ratio", 1)
         # What was proposed for the calibration before is none for this one.
         _, error = sightline("calibrate", "accept", "--config", self.config, status=2)
         self.assertIn("nothing is proposed", error)

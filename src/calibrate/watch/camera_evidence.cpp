@@ -46,6 +46,12 @@ double normalized_difference(const Correction& a, const Correction& b) {
   return dof > 0 ? squared / dof : 0;
 }
 
+// -2 log likelihood ratio of a correction against none, with the variance factor.
+double gain_of(const Correction& sum, double scale, const Matrix6& prior) {
+  const Matrix6 information = sum.information / scale + prior;
+  return sum.vector.dot(information.ldlt().solve(sum.vector)) / (scale * scale);
+}
+
 }  // namespace
 
 double CameraEvidence::Scatter::value() const { return weight > 0 ? sum / weight : 1; }
@@ -204,8 +210,7 @@ CourseFit CameraEvidence::fit_course() const {
     rounds += bucket.rounds;
     places += bucket.places;
     if (count_ - i < kFewest) continue;
-    const double step_gain =
-        ones.vector.dot(Matrix6(ones.information / s + prior_).ldlt().solve(ones.vector)) / (s * s);
+    const double step_gain = gain_of(ones, s, prior_);
     if (step_gain > best_step.gain) {
       best_step.gain = step_gain;
       best_step.from = i;
@@ -222,8 +227,7 @@ CourseFit CameraEvidence::fit_course() const {
         (seconds - 2 * begin * firsts.information + begin * begin * ones.information) /
         (length * length);
     ramp.vector = (firsts.vector - begin * ones.vector) / length;
-    const double ramp_gain =
-        ramp.vector.dot(Matrix6(ramp.information / s + prior_).ldlt().solve(ramp.vector)) / (s * s);
+    const double ramp_gain = gain_of(ramp, s, prior_);
     if (ramp_gain > best_ramp.gain) {
       best_ramp.gain = ramp_gain;
       best_ramp.from = i;
