@@ -32,8 +32,13 @@ class Proposal : public testing::Test {
     EXPECT_TRUE(write_calibration(calibration(), {camera("a", 0), camera("b", 1)}));
     before_ = read_file(calibration()).value();
     installation_.calibration = calibration();
-    for (const auto& calibrated : read_calibration(calibration()).value()) {
-      installation_.cameras.push_back({.name = calibrated.name, .calibration = calibrated});
+    for (const CalibratedCamera& calibrated : {camera("a", 0), camera("b", 1)}) {
+      installation_.cameras.push_back({.name = calibrated.name,
+                                       .recording = {},
+                                       .recorded_as = {},
+                                       .calibration = calibrated,
+                                       .overlay = {},
+                                       .place = {}});
     }
     watches_.resize(2);
     watches_[1].state = CalibrationState::kKnocked;
@@ -64,7 +69,7 @@ TEST_F(Proposal, IsTakenOverAndTheOldOneKept) {
   EXPECT_NEAR(done.cameras[0].turned_deg, 0.573, 1e-3);
   EXPECT_NEAR(done.cameras[0].shifted_mm, 2, 1e-3);
   EXPECT_EQ(read_file(done.kept).value(), before_);
-  const auto now = read_calibration(calibration()).value();
+  const std::vector<CalibratedCamera> now = read_calibration(calibration()).value();
   EXPECT_EQ(now[0].world_from_camera, camera("a", 0).world_from_camera);
   const Vector6 moved = difference(camera("b", 1).world_from_camera, now[1].world_from_camera);
   EXPECT_LT((moved - watches_[1].correction).norm(), 1e-9);
