@@ -48,7 +48,9 @@ Daemon::Daemon(const DaemonOptions& options, std::shared_ptr<HttpWaker> waker)
                std::make_shared<FrameTaps>(),
                std::make_shared<PoseFeed>(registry_, waker_),
                nullptr,
-               nullptr} {
+               nullptr,
+               {},
+               options.request_reload} {
   system_.publish(std::make_shared<const System>());
   config_.publish(std::make_shared<const ConfigReport>());
   count_lost_messages();

@@ -7,6 +7,7 @@ export interface Camera {
   name: string; width: number; height: number; observes: boolean; streams: boolean; present: boolean;
   frames_lost: number; not_observed: number; not_drawn: number; rate_hz: number; capture_latency_s: number;
   viewers: number; webrtc_viewers: number; picture_viewers: number; no_signal_since?: string; problem?: string;
+  calibration?: { state: string; vote: number; turned_deg?: number; shifted_mm?: number };
 }
 export interface VirtualCamera { name: string; width: number; height: number; viewers: number; webrtc_viewers: number; picture_viewers: number }
 export interface Pose {

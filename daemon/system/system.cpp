@@ -71,6 +71,9 @@ Status System::stop(StopLeft& left) const {
   if (last_poses && !last_poses->stop_unless_waiting(rest(kForRecording))) {
     left.what.emplace_back("the last poses");
   }
+  if (calibration && !calibration->stop_unless_waiting(rest(kForRecording))) {
+    left.what.emplace_back("the proposed calibration");
+  }
   if (http) http->stop();
   if (rtsp) rtsp->stop();
   if (!recorder) return {};

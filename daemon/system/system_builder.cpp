@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "sightline/base/files.hpp"
+#include "sightline/pipeline/calibration_proposal.hpp"
 #include "sightline/pipeline/parallel.hpp"
 #include "sightline/pipeline/rig_parts.hpp"
 #include "workers/stage_latency.hpp"
@@ -80,7 +81,8 @@ Result<SystemDraft> SystemBuilder::prepare(Installation next, std::stop_token st
     };
     SL_ASSIGN(system.fusion,
               FusionWorker::start(now.estimator, system.rig->names(), system.rig->shape_symmetry(),
-                                  system.board, context_.registry, context_.beats, hear));
+                                  system.board, make_calibration_watch(now, *system.rig),
+                                  context_.registry, context_.beats, hear));
     system.fusion_cameras.clear();
   }
   system.fusion_cameras.resize(std::max(system.fusion_cameras.size(), now.cameras.size()));
@@ -191,6 +193,11 @@ Result<DrawStage> SystemBuilder::draw_stage(const System& next, CameraId id) con
   SL_ASSIGN(stage.renderer, make_renderer(next.installation, *next.rig, id));
   stage.board = next.board;
   stage.names = next.rig->names();
+  stage.calibration_state = [fusion = next.fusion, id] {
+    const auto watches = fusion->calibration();
+    return watches && id.index() < watches->size() ? (*watches)[id.index()].state
+                                                   : CalibrationState::kUnknown;
+  };
   const CameraModel& lens = next.installation.cameras[id.index()].calibration.model;
   stage.slate =
       NoSignalSlate::create(lens.width(), lens.height(), next.installation.render.font_file);

@@ -47,6 +47,7 @@ struct SystemContext {
   std::shared_ptr<PictureBoard> pictures;
   std::shared_ptr<WhepService> whep;
   HttpContent http{};
+  std::function<void()> request_reload{};  ///< empty: this program does not reload
 };
 
 /// Makes a system for an installation beside the one that runs. Threads: any, one at a time.

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <set>
 
+#include "sightline/pipeline/calibration_proposal.hpp"
+
 namespace sightline {
 namespace {
 
@@ -82,6 +84,7 @@ Status SystemExchange::switch_over() {
   start_search();
   start_actions();
   keep_last_poses();
+  watch_calibration();
   return {};
 }
 
@@ -270,6 +273,17 @@ void SystemExchange::keep_last_poses() {
   const auto file = last_poses_file(next_.installation);
   if (objects.empty() || file.empty()) return;
   next_.last_poses = LastPoseKeeper::start(file, std::move(objects), next_.board, context_.beats);
+}
+
+void SystemExchange::watch_calibration() {
+  const Installation& now = next_.installation;
+  if (old_.calibration) (void)old_.calibration->stop_unless_waiting(std::chrono::seconds(1));
+  next_.calibration.reset();
+  next_.fusion->set_cameras(watched_places(now));
+  if (!now.watch.enabled) return;
+  next_.calibration = CalibrationKeeper::start(
+      {proposal_file(now.calibration, state_folder()), context_.request_reload}, now, next_.fusion,
+      context_.registry, context_.beats);
 }
 
 void SystemExchange::start_actions() {

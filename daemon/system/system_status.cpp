@@ -6,6 +6,7 @@
 #include <ctime>
 #include <nlohmann/json.hpp>
 
+#include "web/calibration_json.hpp"
 #include "web/pose_json.hpp"
 
 namespace sightline {
@@ -139,7 +140,14 @@ namespace {
 
 Json cameras_array(const System& system) {
   Json cameras = Json::array();
-  for (const auto& camera : system.cameras) cameras.push_back(camera_json(*camera));
+  const auto watches = system.fusion ? system.fusion->calibration() : nullptr;
+  const bool watched = watches && system.calibration;
+  for (size_t i = 0; i < system.cameras.size(); ++i) {
+    cameras.push_back(camera_json(*system.cameras[i]));
+    if (!watched || i >= watches->size() || !system.cameras[i]->observes()) continue;
+    add_calibration((*watches)[i], system.installation.cameras[i].calibration.world_from_camera,
+                    system.calibration->proposal(), cameras.back());
+  }
   return cameras;
 }
 
@@ -201,8 +209,8 @@ std::string cameras_json(const System& system) { return cameras_array(system).du
 std::string objects_json(const System& system) { return objects_array(system).dump(2) + "\n"; }
 
 std::optional<std::string> camera_json(const System& system, const std::string& name) {
-  for (const auto& camera : system.cameras) {
-    if (camera->name() == name) return camera_json(*camera).dump(2) + "\n";
+  for (const Json& camera : cameras_array(system)) {
+    if (camera["name"] == name) return camera.dump(2) + "\n";
   }
   return std::nullopt;
 }

@@ -34,6 +34,20 @@ void wait_to_reopen(std::stop_token stop, Heartbeat& heartbeat, Backoff& backoff
   }
 }
 
+// For the labels: a pose may be right and still lie beside the object in this camera's picture.
+std::string_view notice_of(const DrawStage& stage) {
+  switch (stage.calibration_state ? stage.calibration_state() : CalibrationState::kUnknown) {
+    case CalibrationState::kKnocked:
+      return "camera knocked";
+    case CalibrationState::kDrifting:
+      return "camera drifting";
+    case CalibrationState::kDisputed:
+      return "camera disputed";
+    default:
+      return {};
+  }
+}
+
 // A device may take its time to let go of its images.
 void close_source(std::unique_ptr<FrameSource>& source) {
   const Waiting wait("the camera");
@@ -396,7 +410,7 @@ void CameraWorker::draw_one(const FramePtr& frame, DrawStage& stage) {
   annotated_.frame = frame->info();
   const OcclusionDepthPtr hidden = hidden_.read();
   stage.renderer->draw(image->mutable_view(), frame->info().capture, draw_tracks_, annotated_.poses,
-                       {hidden.get()});
+                       {hidden.get(), notice_of(stage)});
   if (stage.points) draw_points(image->mutable_view(), frame->info().capture, stage);
   annotated_.image = std::move(image);
   draw_seconds_.set(to_seconds(MonotonicClock::now() - start));

@@ -83,6 +83,7 @@ InstallationChanges compare(const Installation& before, const Installation& afte
   changes.http = before.http != after.http;
   changes.record = before.record != after.record;
   changes.action = before.action != after.action;
+  changes.watch = before.watch != after.watch;
   changes.daemon = before.daemon != after.daemon;
   return changes;
 }
@@ -117,6 +118,7 @@ std::string InstallationChanges::summary() const {
                                                    {http, "http"},
                                                    {record, "record"},
                                                    {action, "action"},
+                                                   {watch, "watch"},
                                                    {daemon, "daemon"}};
   for (const auto& [changed, section] : sections) {
     if (changed) parts.emplace_back(section);

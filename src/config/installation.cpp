@@ -51,6 +51,7 @@ class InstallationReader {
     section("encoder", result_.encoder);
     read_record();
     read_action();
+    section("watch", result_.watch);
     section("daemon", result_.daemon);
     root_.refuse("publish", "publishing poses to other programs comes with a later release");
     root_.finish();

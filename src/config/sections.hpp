@@ -229,6 +229,12 @@ void visit(Visitor& v, RecordConfig& s) {
 }
 
 template <typename Visitor>
+void visit(Visitor& v, WatchConfig& s) {
+  v.flag("enabled", s.enabled);
+  v.flag("auto_recover", s.auto_recover);
+}
+
+template <typename Visitor>
 void visit(Visitor& v, DaemonConfig& s) {
   v.choice("log_level", s.log_level, kLogLevels);
 }

@@ -13,6 +13,7 @@
 #include "sightline/capture/aravis/gige_action.hpp"
 #include "sightline/config/camera_config.hpp"
 #include "sightline/config/scene_config.hpp"
+#include "sightline/config/watch_config.hpp"
 #include "sightline/control/http_server.hpp"
 #include "sightline/fuse/estimator.hpp"
 #include "sightline/geometry/camera_model.hpp"
@@ -137,6 +138,7 @@ struct Installation {
   HttpConfig http;
   RecordConfig record;
   ActionConfig action;
+  WatchConfig watch;
   DaemonConfig daemon;
 };
 
@@ -202,6 +204,7 @@ struct InstallationChanges {
   bool observe = false;   ///< options of markers, search, tracking or points
   bool scene = false, render = false, estimator = false, action = false;
   bool rtsp = false, encoder = false, http = false, record = false, daemon = false;
+  bool watch = false;
 
   bool operator==(const InstallationChanges&) const = default;
 
