@@ -49,7 +49,10 @@ Daemon::Daemon(const DaemonOptions& options, std::shared_ptr<HttpWaker> waker)
                std::make_shared<FrameTaps>(),
                std::make_shared<PoseFeed>(registry_, waker_),
                nullptr,
-               nullptr} {
+               nullptr,
+               nullptr,
+               {},
+               options.request_reload} {
   system_.publish(std::make_shared<const System>());
   config_.publish(std::make_shared<const ConfigReport>());
   count_lost_messages();
@@ -72,6 +75,7 @@ Result<std::unique_ptr<Daemon>> Daemon::start(Installation installation,
 Status Daemon::prepare_web() {
   SL_ASSIGN(context_.pictures, PictureBoard::start(registry_, beats_, waker_));
   context_.recordings = RecordingDesk::start(registry_, beats_, waker_, context_.taps);
+  context_.whep = WhepService::start(options_.serve, beats_, waker_);
   context_.http = web_content({.registry = &registry_,
                                .health = [this] { return health(); },
                                .system = [this] { return system_.read(); },
@@ -81,6 +85,7 @@ Status Daemon::prepare_web() {
                                .poses = context_.poses,
                                .pictures = context_.pictures,
                                .recordings = context_.recordings,
+                               .whep = context_.whep,
                                .waker = waker_});
   return {};
 }
@@ -247,8 +252,9 @@ std::vector<std::string> Daemon::addresses() const {
   if (system->http) {
     const std::string& address = system->http->options().address;
     const bool v6 = address.find(':') != std::string::npos;
-    const std::string host = "http://" + (v6 ? "[" + address + "]" : address) + ":" +
-                             std::to_string(system->http->port());
+    const std::string scheme = system->http->options().tls.any() ? "https://" : "http://";
+    const std::string host =
+        scheme + (v6 ? "[" + address + "]" : address) + ":" + std::to_string(system->http->port());
     out.push_back(host + "/");
     out.push_back(host + "/metrics");
   }

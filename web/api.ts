@@ -6,9 +6,10 @@ export type TrackState = "searching" | "tracking" | "degraded" | "coasting" | "l
 export interface Camera {
   name: string; width: number; height: number; observes: boolean; streams: boolean; present: boolean;
   frames_lost: number; not_observed: number; not_drawn: number; rate_hz: number; capture_latency_s: number;
-  viewers: number; picture_viewers: number; no_signal_since?: string; problem?: string;
+  viewers: number; webrtc_viewers: number; picture_viewers: number; no_signal_since?: string; problem?: string;
+  calibration?: { state: string; vote: number; turned_deg?: number; shifted_mm?: number };
 }
-export interface VirtualCamera { name: string; width: number; height: number; viewers: number; picture_viewers: number }
+export interface VirtualCamera { name: string; width: number; height: number; viewers: number; webrtc_viewers: number; picture_viewers: number }
 export interface Pose {
   state: TrackState; t_ns?: number; utc_ns?: number; translation_m?: [number, number, number]; sigma_t_mm?: number;
   sigma_r_deg?: number; reasons?: string[]; cameras?: string[];
@@ -16,7 +17,7 @@ export interface Pose {
 export interface SeenObject extends Pose { name: string; points?: { rms_mm: number; contradicts: boolean } }
 export interface PoseEvent extends Pose { object: string }
 export interface State {
-  name: string; utc_ns: number; config: { file: string; loaded: string; refused?: { at: string; problem: string } };
+  name: string; utc_ns: number; webrtc: boolean; config: { file: string; loaded: string; refused?: { at: string; problem: string } };
   recording?: { state: string; folder?: string; problem?: string };
   waiting?: { thread: string; for: string; since: string }[];
   cameras: Camera[]; virtual_cameras: VirtualCamera[]; objects: SeenObject[];

@@ -8,6 +8,7 @@ import { PictureFeed } from "./pictures";
 import { Plot } from "./plot";
 import { RecordingPanel } from "./recordings";
 import { Tile } from "./tiles";
+import { canPlayVideo, VideoFeed } from "./whep";
 
 const MOST_EVENTS = 200;
 const SILENT_MS = 3000;  // the state comes every second
@@ -22,12 +23,16 @@ class Page {
   private readonly plots = new Map<string, { accuracy: Plot; place: Plot }>();
   private readonly held = new Map<string, PoseEvent>();  // the newest of each object
   private readonly told = new Map<string, string>();  // what the events said last, by whom
-  private readonly feed = new PictureFeed((picture) => this.tiles.get(picture.camera)?.take(picture));
+  private readonly pictures = new PictureFeed((picture) => this.tiles.get(picture.camera)?.take(picture));
+  private readonly videos = new VideoFeed((camera) => this.tiles.get(camera)?.video ?? null,
+    (camera, age) => this.tiles.get(camera)?.takeFrame(age), (cameras) => this.fetchPictures(cameras));
+  private fetched = "";
   private readonly since = new Map<string, { state: string; time: number }>();
   private one = "";         // the camera that is enlarged
   private pointing = "";    // the object that is pointed at
   private clock = Infinity; // [ms] this machine's clock before the daemon's, with the shortest way so far
   private watched = "";
+  private readonly videoChosen = new URLSearchParams(location.search).get("video") !== "off";
 
   start(): void {
     follow({
@@ -166,10 +171,19 @@ class Page {
   /** Pictures of what can be seen, and of nothing while the page is hidden. */
   private watch(): void {
     const names = document.hidden ? [] : this.one ? [this.one] : [...this.tiles.keys()];
-    const wanted = names.join("\n");
+    const byVideo = this.state?.webrtc === true && this.videoChosen && canPlayVideo();
+    const wanted = names.join("\n") + byVideo;
     if (wanted === this.watched) return;
     this.watched = wanted;
-    this.feed.watch(names);
+    this.videos.watch(byVideo ? names : []);
+    if (!byVideo) this.fetchPictures(names);
+  }
+
+  /** Of cameras whose video is not to be had. */
+  private fetchPictures(names: string[]): void {
+    if (names.join("\n") === this.fetched) return;
+    this.fetched = names.join("\n");
+    this.pictures.watch(names);
   }
 
   private point(object: string): void {

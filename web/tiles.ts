@@ -18,7 +18,8 @@ export interface TileOwner {
 export class Tile {
   readonly element = make("article", "tile");
   private readonly frame = make("div", "frame");
-  private readonly canvas = make("canvas");
+  private readonly canvas = make("canvas");  // pictures; also what is pointed at, under the video
+  readonly video = make("video");
   private readonly note = make("p", "note", "waiting for the first picture");
   private readonly cross = make("span", "cross");
   private readonly chip = make("span", "chip");
@@ -27,6 +28,7 @@ export class Tile {
   private readonly larger = make("button", "", "Enlarge");
   private readonly shown: number[] = [];  // times of the last pictures
   private latency = NaN;
+  private frames = 0;
   private next: Picture | null = null;
   private decoding = false;
   private aim: [number, number];
@@ -39,7 +41,10 @@ export class Tile {
     this.element.setAttribute("aria-label", `Camera ${name}`);
     this.element.dataset.camera = name;
     this.cross.hidden = this.problem.hidden = true;
-    this.frame.append(this.canvas, this.note, this.cross);
+    this.video.muted = this.video.autoplay = this.video.playsInline = this.video.hidden = true;
+    this.video.setAttribute("aria-hidden", "true");  // the picture below says what it is
+    this.video.tabIndex = -1;
+    this.frame.append(this.canvas, this.video, this.note, this.cross);
     const caption = make("div", "caption");
     this.larger.type = "button";
     this.larger.setAttribute("aria-label", `Enlarge ${name}`);
@@ -55,6 +60,20 @@ export class Tile {
     if (!this.decoding) void this.decode();
   }
 
+  /** A frame of the video is shown, so old [ms] or NaN. */
+  takeFrame(age: number): void {
+    this.video.hidden = false;
+    this.noteShown(age);
+    this.canvas.dataset.sequence = String(++this.frames);
+  }
+
+  private noteShown(latency: number): void {
+    const now = Date.now();
+    this.shown.push(now);
+    while (this.shown[0] < now - RATE_MS) this.shown.shift();
+    this.latency = latency;
+  }
+
   private async decode(): Promise<void> {
     this.decoding = true;
     while (this.next) {
@@ -68,10 +87,8 @@ export class Tile {
         }
         this.canvas.getContext("2d")?.drawImage(bitmap, 0, 0);
         bitmap.close();
-        const now = Date.now();
-        this.shown.push(now);
-        while (this.shown[0] < now - RATE_MS) this.shown.shift();
-        this.latency = now - this.owner.toLocal(picture.utcNs);
+        this.video.hidden = true;
+        this.noteShown(Date.now() - this.owner.toLocal(picture.utcNs));
         this.canvas.dataset.sequence = String(picture.sequence);
       } catch {
         // A picture that the browser cannot read is as good as none: the tile turns stale.
@@ -102,8 +119,9 @@ export class Tile {
   }
 
   private factsOf(camera: Camera | VirtualCamera, stale: boolean): string {
+    const kind = this.shown.length === 0 ? "" : this.video.hidden ? " as JPEG" : " as video";
     const rate = stale ? 0 : this.shown.length / (RATE_MS / 1000);
-    const facts = [`shown ${rate.toFixed(0)}/s`];
+    const facts = [`shown ${rate.toFixed(0)}/s${kind}`];
     if (!stale && this.latency < 10_000) facts.push(`${Math.max(0, this.latency).toFixed(0)} ms old`);
     if ("present" in camera) {
       facts.unshift(`camera ${camera.rate_hz.toFixed(1)} Hz`);

@@ -54,7 +54,8 @@ ReloadPlan plan_reload(const Installation& before, const Installation& after,
   const bool objects = changes.object_ids || !changes.objects_added.empty() ||
                        !changes.objects_removed.empty() || !changes.objects_changed.empty();
   plan.rig = objects || cameras || changes.scene || changes.surfaces;
-  plan.fusion = objects || changes.estimator || another_camera(fusion_cameras, after);
+  plan.fusion =
+      objects || changes.estimator || changes.watch || another_camera(fusion_cameras, after);
   plan.observers = plan.fusion || changes.scene || changes.surfaces || changes.observe;
   plan.renderers = plan.observers || changes.render || changes.encoder;
   plan.encoder = changes.encoder;

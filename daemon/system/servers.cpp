@@ -24,6 +24,11 @@ Status RtspService::resume() {
     SL_ASSIGN(const auto tokens, read_tokens(options.tokens));
     for (const AccessToken& token : tokens) options.users.push_back({token.name, token.secret});
   }
+  if (!options.certificate.empty()) {
+    SL_ASSIGN(TlsTexts tls, read_tls({options.certificate, options.key, 0}));
+    options.certificate_pem = std::move(tls.certificate);
+    options.key_pem = std::move(tls.key);
+  }
   SL_ASSIGN(server_, RtspServer::create(options));
   thread_ = start_watched_thread(beats_, "rtsp", kStallLimit,
                                  [raw = server_.get()](std::stop_token stop, Heartbeat& beat) {

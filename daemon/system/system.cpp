@@ -72,6 +72,9 @@ Status System::stop(StopLeft& left) const {
     left.what.emplace_back("the last poses");
   }
   if (mqtt && !mqtt->stop_unless_waiting(rest(kForDevices))) left.what.emplace_back("MQTT");
+  if (calibration && !calibration->stop_unless_waiting(rest(kForRecording))) {
+    left.what.emplace_back("the proposed calibration");
+  }
   if (http) http->stop();
   if (rtsp) rtsp->stop();
   if (!recorder) return {};

@@ -9,6 +9,7 @@
 #include "sightline/pipeline/rig.hpp"
 #include "system/servers.hpp"
 #include "workers/action_worker.hpp"
+#include "workers/calibration_keeper.hpp"
 #include "workers/camera_worker.hpp"
 #include "workers/frame_taps.hpp"
 #include "workers/fusion_worker.hpp"
@@ -43,9 +44,10 @@ struct System {
   std::shared_ptr<HttpService> http{};
   std::vector<std::shared_ptr<CameraWorker>> cameras{};  ///< by CameraId
   std::vector<std::shared_ptr<VirtualCameraWorker>> views{};
-  std::shared_ptr<ActionWorker> actions{};       ///< null: none are sent
-  std::shared_ptr<MqttWorker> mqtt{};            ///< null: no broker
-  std::shared_ptr<LastPoseKeeper> last_poses{};  ///< null: no object starts where it was last
+  std::shared_ptr<ActionWorker> actions{};           ///< null: none are sent
+  std::shared_ptr<MqttWorker> mqtt{};                ///< null: no broker
+  std::shared_ptr<CalibrationKeeper> calibration{};  ///< null: nobody watches
+  std::shared_ptr<LastPoseKeeper> last_poses{};      ///< null: no object starts where it was last
 
   /// Somebody says where an object is: it is looked for there first, in the next ten seconds, if it
   /// has no pose then. Refused: an unknown name, an object that is not searched for, a camera that

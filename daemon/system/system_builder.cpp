@@ -4,9 +4,11 @@
 #include <algorithm>
 
 #include "sightline/base/files.hpp"
+#include "sightline/pipeline/calibration_proposal.hpp"
 #include "sightline/pipeline/parallel.hpp"
 #include "sightline/pipeline/rig_parts.hpp"
 #include "workers/object_events.hpp"
+#include "workers/stage_latency.hpp"
 
 namespace sightline {
 namespace {
@@ -89,7 +91,8 @@ Result<SystemDraft> SystemBuilder::prepare(Installation next, std::stop_token st
     };
     SL_ASSIGN(system.fusion,
               FusionWorker::start(now.estimator, system.rig->names(), system.rig->shape_symmetry(),
-                                  system.board, context_.registry, context_.beats, hear));
+                                  system.board, make_calibration_watch(now, *system.rig),
+                                  context_.registry, context_.beats, hear));
     system.fusion_cameras.clear();
   }
   system.fusion_cameras.resize(std::max(system.fusion_cameras.size(), now.cameras.size()));
@@ -188,9 +191,10 @@ Result<ObserveStage> SystemBuilder::observe_stage(const System& next, CameraId i
     SL_ASSIGN(stage.learner, make_learner(next.installation, *next.rig, id));
   }
   stage.board = next.board;
-  stage.on_observation = [fusion = next.fusion](Observation observation) {
-    fusion->push(std::move(observation));
-  };
+  const std::string& name = next.installation.cameras[id.index()].name;
+  stage.on_observation =
+      [fusion = next.fusion, &fused = stage_latency(context_.registry, name, "fused")](
+          Observation observation) { fusion->push(std::move(observation), &fused); };
   return stage;
 }
 
@@ -199,6 +203,11 @@ Result<DrawStage> SystemBuilder::draw_stage(const System& next, CameraId id) con
   SL_ASSIGN(stage.renderer, make_renderer(next.installation, *next.rig, id));
   stage.board = next.board;
   stage.names = next.rig->names();
+  stage.calibration_state = [fusion = next.fusion, id] {
+    const auto watches = fusion->calibration();
+    return watches && id.index() < watches->size() ? (*watches)[id.index()].state
+                                                   : CalibrationState::kUnknown;
+  };
   const CameraModel& lens = next.installation.cameras[id.index()].calibration.model;
   stage.slate =
       NoSignalSlate::create(lens.width(), lens.height(), next.installation.render.font_file);

@@ -15,6 +15,7 @@
 #include "system/system.hpp"
 #include "web/picture_board.hpp"
 #include "web/pose_feed.hpp"
+#include "web/whep_service.hpp"
 
 namespace sightline {
 
@@ -46,7 +47,9 @@ struct SystemContext {
   std::shared_ptr<PoseFeed> poses;
   std::shared_ptr<PictureBoard> pictures;
   std::shared_ptr<RecordingDesk> recordings;
+  std::shared_ptr<WhepService> whep;
   HttpContent http{};
+  std::function<void()> request_reload{};  ///< empty: this program does not reload
 };
 
 /// Makes a system for an installation beside the one that runs. Threads: any, one at a time.

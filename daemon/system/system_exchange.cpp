@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <set>
 
+#include "sightline/pipeline/calibration_proposal.hpp"
 #include "system/system_status.hpp"
 
 namespace sightline {
@@ -85,6 +86,7 @@ Status SystemExchange::switch_over() {
   start_actions();
   start_mqtt();
   keep_last_poses();
+  watch_calibration();
   return {};
 }
 
@@ -197,8 +199,8 @@ Result<std::shared_ptr<StreamOutput>> SystemExchange::output_of(const std::strin
   }
   SL_ASSIGN(auto stream, add_stream(name, options));
   return StreamOutput::create(name, options, next_.rig->names(), std::move(stream),
-                              context_.pictures->slot(name), context_.recordings->viewing(),
-                              context_.registry);
+                              context_.whep->stream(name), context_.pictures->slot(name),
+                              context_.recordings->viewing(), context_.registry);
 }
 
 // Of workers that go on, to a server that is another now.
@@ -273,6 +275,17 @@ void SystemExchange::keep_last_poses() {
   next_.last_poses = LastPoseKeeper::start(file, std::move(objects), next_.board, context_.beats);
 }
 
+void SystemExchange::watch_calibration() {
+  const Installation& now = next_.installation;
+  if (old_.calibration) (void)old_.calibration->stop_unless_waiting(std::chrono::seconds(1));
+  next_.calibration.reset();
+  next_.fusion->set_cameras(watched_places(now));
+  if (!now.watch.enabled) return;
+  next_.calibration = CalibrationKeeper::start(
+      {proposal_file(now.calibration, state_folder()), context_.request_reload}, now, next_.fusion,
+      context_.registry, context_.beats);
+}
+
 void SystemExchange::start_actions() {
   if (draft_.plan.points) next_.points.reset();
   if (!draft_.plan.actions) return;
@@ -293,6 +306,7 @@ void SystemExchange::retire_old() {
   Registry& registry = context_.registry;
   const std::set<std::string> streams = stream_names(next_.installation);
   context_.pictures->keep_only({streams.begin(), streams.end()});
+  context_.whep->keep_only({streams.begin(), streams.end()});
   remove_metrics(registry, old_.installation, next_.installation);
   if (old_.recorder && old_.recorder != next_.recorder) (void)old_.recorder->stop();
   if (!next_.recorder) {

@@ -49,6 +49,7 @@ class SystemExchange {
   void start_actions();
   void start_mqtt();
   void keep_last_poses();
+  void watch_calibration();
   /// The stream that a worker of this name had, if its images are of the same size and rate.
   Result<std::shared_ptr<StreamOutput>> output_of(const std::string& name,
                                                   const EncoderOptions& options);

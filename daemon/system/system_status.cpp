@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "system/system_status.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "sightline/base/files.hpp"
 #include "sightline/calibrate/calibration_file.hpp"
+#include "web/calibration_json.hpp"
 #include "web/pose_json.hpp"
 #include "web/utc_text.hpp"
 
@@ -32,6 +34,7 @@ Json camera_json(const CameraWorker& camera) {
             {"not_observed", status.not_observed},
             {"not_drawn", status.not_drawn},
             {"viewers", output ? output->viewers() : 0},
+            {"webrtc_viewers", output ? output->browsers() : 0},
             {"picture_viewers", output ? output->pictures().watchers() : 0}};
   if (status.frame_age_s >= 0) json["frame_age_s"] = status.frame_age_s;
   if (output) json["url"] = output->url();
@@ -130,7 +133,14 @@ namespace {
 
 Json cameras_array(const System& system) {
   Json cameras = Json::array();
-  for (const auto& camera : system.cameras) cameras.push_back(camera_json(*camera));
+  const auto watches = system.fusion ? system.fusion->calibration() : nullptr;
+  const bool watched = watches && system.calibration;
+  for (size_t i = 0; i < system.cameras.size(); ++i) {
+    cameras.push_back(camera_json(*system.cameras[i]));
+    if (!watched || i >= watches->size() || !system.cameras[i]->observes()) continue;
+    add_calibration((*watches)[i], system.installation.cameras[i].calibration.world_from_camera,
+                    system.calibration->proposal(), cameras.back());
+  }
   return cameras;
 }
 
@@ -156,10 +166,20 @@ Json views_array(const System& system) {
                      {"width", output.options().width},
                      {"height", output.options().height},
                      {"viewers", output.viewers()},
+                     {"webrtc_viewers", output.browsers()},
                      {"picture_viewers", output.pictures().watchers()},
                      {"url", output.url()}});
   }
   return views;
+}
+
+bool has_webrtc(const System& system) {
+  const auto streams = [](const auto& worker) {
+    return worker->output() && worker->output()->has_webrtc();
+  };
+  return system.installation.http.server.webrtc_viewers > 0 &&
+         (std::ranges::any_of(system.cameras, streams) ||
+          std::ranges::any_of(system.views, streams));
 }
 
 }  // namespace
@@ -168,7 +188,8 @@ std::string state_json(const System& system, const ConfigReport& config,
                        const std::vector<ThreadWait>& waits, Layout layout) {
   Json json{{"name", system.installation.name},
             {"utc_ns", utc_now_ns()},
-            {"config", config_json(config)}};
+            {"config", config_json(config)},
+            {"webrtc", has_webrtc(system)}};
   if (system.recorder && system.recorder->wanted()) {
     json["recording"] = recording_json(system.recorder->status());
   }
@@ -190,8 +211,8 @@ std::string cameras_json(const System& system) { return cameras_array(system).du
 std::string objects_json(const System& system) { return objects_array(system).dump(2) + "\n"; }
 
 std::optional<std::string> camera_json(const System& system, const std::string& name) {
-  for (const auto& camera : system.cameras) {
-    if (camera->name() == name) return camera_json(*camera).dump(2) + "\n";
+  for (const Json& camera : cameras_array(system)) {
+    if (camera["name"] == name) return camera.dump(2) + "\n";
   }
   return std::nullopt;
 }

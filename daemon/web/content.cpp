@@ -145,6 +145,10 @@ void add_streams(const WebSources& s, HttpContent& content) {
     SL_ASSIGN(auto slot, picture_slot(s, request.cameras.at(0), kind_of(request)));
     return motion_jpeg_reply(std::move(slot), kind_of(request), request.max_rate_hz);
   };
+  content.whep_offer = [s](WhepRequest request) {
+    return s.whep->offer(std::move(request), s.system()->installation.http.server.webrtc_viewers);
+  };
+  content.whep_end = [s](const std::string& session) { return s.whep->end(session); };
   content.snapshot = [s](const PictureRequest& request) -> Result<HttpReply> {
     SL_ASSIGN(auto slot, picture_slot(s, request.cameras.at(0), kind_of(request)));
     return snapshot_reply(std::move(slot), kind_of(request));

@@ -12,6 +12,7 @@
 #include "system/system.hpp"
 #include "web/picture_board.hpp"
 #include "web/pose_feed.hpp"
+#include "web/whep_service.hpp"
 
 namespace sightline {
 
@@ -26,6 +27,7 @@ struct WebSources {
   std::shared_ptr<PoseFeed> poses;
   std::shared_ptr<PictureBoard> pictures;
   std::shared_ptr<RecordingDesk> recordings;
+  std::shared_ptr<WhepService> whep;
   std::shared_ptr<HttpWaker> waker;
 };
 

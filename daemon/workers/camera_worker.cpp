@@ -2,9 +2,10 @@
 #include "workers/camera_worker.hpp"
 
 #include <algorithm>
-#include <condition_variable>
 
 #include "sightline/base/log.hpp"
+#include "workers/stage_latency.hpp"
+#include "workers/wait_to_reopen.hpp"
 
 namespace sightline {
 
@@ -16,20 +17,17 @@ constexpr Duration kTurn = 200ms;     // longest wait of a thread without a look
 constexpr Duration kStallLimit = 5s;  // a thread silent for longer is hung
 constexpr Duration kNoSignalPeriod = 500ms;  // between images while there is no signal
 
-void sleep_unless_stopped(std::stop_token stop, Duration duration) {
-  std::mutex mutex;
-  std::condition_variable_any never;
-  std::unique_lock lock(mutex);
-  never.wait_for(lock, stop, duration, [] { return false; });
-}
-
-// Waiting for a camera is progress.
-void wait_to_reopen(std::stop_token stop, Heartbeat& heartbeat, Backoff& backoff) {
-  const Time end = MonotonicClock::now() + backoff.next();
-  for (Time now = MonotonicClock::now(); now < end && !stop.stop_requested();
-       now = MonotonicClock::now()) {
-    heartbeat.beat();
-    sleep_unless_stopped(stop, std::min<Duration>(end - now, kTurn));
+// For the labels: a pose may be right and still lie beside the object in this camera's picture.
+std::string_view notice_of(const DrawStage& stage) {
+  switch (stage.calibration_state ? stage.calibration_state() : CalibrationState::kUnknown) {
+    case CalibrationState::kKnocked:
+      return "camera knocked";
+    case CalibrationState::kDrifting:
+      return "camera drifting";
+    case CalibrationState::kDisputed:
+      return "camera disputed";
+    default:
+      return {};
   }
 }
 
@@ -117,6 +115,9 @@ CameraWorker::CameraWorker(CameraParts parts, Registry& registry)
                          "Share of the objects' pixels that something was learned to hide",
                          camera_labels(parts_.name))) {
   signal_.set_rate(parts_.rate_hz);
+  captured_ = &stage_latency(registry, parts_.name, "captured");
+  if (observes_) observed_ = &stage_latency(registry, parts_.name, "observed");
+  if (parts_.output) drawn_ = &stage_latency(registry, parts_.name, "drawn");
 }
 
 void CameraWorker::request_stop() {
@@ -213,7 +214,7 @@ std::unique_ptr<FrameSource> CameraWorker::open_or_wait(std::stop_token stop, He
   if (stop.stop_requested()) return nullptr;  // given up for that
   signal_.source_gone();
   note_problem(cause_of(opened.error(), "absent"), opened.error());
-  wait_to_reopen(stop, heartbeat, backoff);
+  wait_to_reopen(stop, heartbeat, backoff, kTurn);
   return nullptr;
 }
 
@@ -263,7 +264,7 @@ void CameraWorker::capture_from(std::unique_ptr<FrameSource>& source, std::stop_
     const auto step = take(*source, stop);
     if (!step) {
       lose_source(source, step.error());
-      wait_to_reopen(stop, heartbeat, backoff);
+      wait_to_reopen(stop, heartbeat, backoff, kTurn);
       continue;
     }
     if (step->kind == SourceStep::Kind::kEnd) {
@@ -298,6 +299,7 @@ void CameraWorker::measure(const FrameInfo& info) {
   lost_.add(info.dropped_before);
   const Time last = last_arrival_.exchange(info.arrival);
   capture_age_.set(to_seconds(info.arrival - info.capture));
+  captured_->observe(to_seconds(info.arrival - info.capture));
   capture_error_.set(to_seconds(info.capture_error));
   const double step = to_seconds(info.arrival - last);
   if (last == Time{} || step <= 0) return;
@@ -316,6 +318,7 @@ void CameraWorker::observe(std::stop_token stop, Heartbeat& heartbeat) {
     stage.board->read(observe_tracks_);
     observations_.clear();
     stage.observer->step(**frame, observe_tracks_, observations_);
+    observe_age(*observed_, (*frame)->info().capture);
     for (Observation& observation : observations_) {
       stage.on_observation(std::move(observation));
     }
@@ -392,10 +395,11 @@ void CameraWorker::draw_one(const FramePtr& frame, DrawStage& stage) {
   annotated_.frame = frame->info();
   const OcclusionDepthPtr hidden = hidden_.read();
   stage.renderer->draw(image->mutable_view(), frame->info().capture, draw_tracks_, annotated_.poses,
-                       {hidden.get()});
+                       {hidden.get(), notice_of(stage)});
   if (stage.points) draw_points(image->mutable_view(), frame->info().capture, stage);
   annotated_.image = std::move(image);
   draw_seconds_.set(to_seconds(MonotonicClock::now() - start));
+  observe_age(*drawn_, frame->info().capture);
   parts_.output->accept(annotated_);
   annotated_.image.reset();
 }

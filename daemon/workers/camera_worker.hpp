@@ -41,7 +41,9 @@ struct ObserveStage {
 struct DrawStage {
   std::unique_ptr<CameraRenderer> renderer;
   std::shared_ptr<TrackBoard> board;
-  std::vector<NamedObject> names;          ///< of the objects, for what is told inside the stream
+  std::vector<NamedObject> names;  ///< of the objects, for what is told inside the stream
+  /// Whether the camera stands where its calibration says; the label tells it. Must not block.
+  std::function<CalibrationState()> calibration_state{};
   std::unique_ptr<NoSignalSlate> slate{};  ///< shown without signal; null: nothing is
   /// Set if the stream is to be encoded in another way than before.
   std::optional<EncoderOptions> encoder{};
@@ -138,6 +140,8 @@ class CameraWorker {
 
   CameraParts parts_;
   const bool observes_;
+  // null where there is no such stage
+  LatencyHistogram *captured_ = nullptr, *observed_ = nullptr, *drawn_ = nullptr;
   LatestSlot<FramePtr> observe_slot_, draw_slot_;
   Snapshot<const OcclusionDepth> hidden_;
   ImagePool images_;

@@ -7,6 +7,7 @@
 
 #include "sightline/base/check.hpp"
 #include "sightline/base/log.hpp"
+#include "workers/stage_latency.hpp"
 
 namespace sightline {
 
@@ -19,8 +20,10 @@ constexpr Duration kStallLimit = 2s;
 Result<std::unique_ptr<FusionWorker>> FusionWorker::start(
     const EstimatorOptions& options, const std::vector<NamedObject>& objects,
     const std::vector<ShapeSymmetry>& shape_symmetry, std::shared_ptr<TrackBoard> board,
-    Registry& registry, HeartbeatBoard& beats, OnEstimate on_estimate) {
-  SL_ASSIGN(auto fusion, ObjectFusion::create(options, objects, shape_symmetry, std::move(board)));
+    std::unique_ptr<CalibrationWatch> watch, Registry& registry, HeartbeatBoard& beats,
+    OnEstimate on_estimate) {
+  SL_ASSIGN(auto fusion, ObjectFusion::create(options, objects, shape_symmetry, std::move(board),
+                                              std::move(watch)));
   std::unique_ptr<FusionWorker> worker(
       new FusionWorker(std::move(fusion), objects, registry, std::move(on_estimate)));
   worker->thread_ = start_watched_thread(
@@ -61,8 +64,8 @@ FusionWorker::FusionWorker(std::unique_ptr<ObjectFusion> fusion,
   }
 }
 
-void FusionWorker::push(Observation observation) {
-  if (queue_.push(std::move(observation))) dropped_.add();
+void FusionWorker::push(Observation observation, LatencyHistogram* latency) {
+  if (queue_.push({std::move(observation), latency})) dropped_.add();
 }
 
 void FusionWorker::set_doubted(ObjectId object, bool doubted) {
@@ -72,6 +75,31 @@ void FusionWorker::set_doubted(ObjectId object, bool doubted) {
 void FusionWorker::forget(ObjectId object) {
   std::lock_guard lock(mutex_);
   forget_.push_back(object);
+}
+
+void FusionWorker::set_cameras(std::vector<std::optional<Rigid3>> world_from_camera) {
+  std::lock_guard lock(mutex_);
+  next_cameras_ = std::move(world_from_camera);
+  calibration_.publish(nullptr);  // what it says is of the calibration before
+}
+
+void FusionWorker::take_cameras() {
+  std::optional<std::vector<std::optional<Rigid3>>> cameras;
+  {
+    std::lock_guard lock(mutex_);
+    cameras.swap(next_cameras_);
+  }
+  if (!cameras || fusion_->watch() == nullptr) return;
+  fusion_->watch()->set_cameras(*cameras);
+  publish_calibration();
+}
+
+void FusionWorker::publish_calibration() {
+  const auto cameras = fusion_->watch()->cameras();
+  std::lock_guard lock(mutex_);
+  if (next_cameras_) return;
+  calibration_.publish(
+      std::make_shared<const std::vector<CameraWatch>>(cameras.begin(), cameras.end()));
 }
 
 void FusionWorker::forget_those_named() {
@@ -99,8 +127,9 @@ void FusionWorker::stop() {
 void FusionWorker::run(std::stop_token stop, Heartbeat& heartbeat) {
   while (!stop.stop_requested()) {
     heartbeat.beat();
-    if (auto observation = queue_.pop(stop, 20ms)) take(*observation);
+    if (auto item = queue_.pop(stop, 20ms)) take(item->observation, item->latency);
     forget_those_named();
+    take_cameras();
     for (const ObjectId object : fusion_->advance(MonotonicClock::now())) {
       const TrackState state = fusion_->estimator(object).state();
       counters_[object.index()].state->set(static_cast<double>(state));
@@ -151,11 +180,12 @@ void FusionWorker::log_reasons(const PoseEstimate& estimate, ReasonLog& log) {
   log::info({.object = log.object, .cause = "degraded"}, "{}: degraded: {}", log.object, text);
 }
 
-void FusionWorker::take(const Observation& observation) {
+void FusionWorker::take(const Observation& observation, LatencyHistogram* latency) {
   const size_t index = observation.object.index();
   SL_CHECK(index < counters_.size(), "observation of an object of another installation");
   fusion_->set_doubted(observation.object, doubted_[index]);
   const UpdateReport& report = fusion_->process({&observation, 1}).front();
+  if (fusion_->has_verdict()) publish_calibration();
   const ObjectCounters& counters = counters_[index];
   counters.accepted->add(static_cast<uint64_t>(std::popcount(report.accepted)));
   counters.gated->add(static_cast<uint64_t>(std::popcount(report.gated)));
@@ -163,6 +193,7 @@ void FusionWorker::take(const Observation& observation) {
     counters.late->add();
     return;
   }
+  if (latency != nullptr) observe_age(*latency, observation.capture);
   counters.state->set(static_cast<double>(report.estimate.state));
   for (size_t bit = 0; bit < counters.degraded_reasons.size(); ++bit) {
     counters.degraded_reasons[bit]->set(report.estimate.degraded_reasons >> bit & 1);

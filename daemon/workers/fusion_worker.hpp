@@ -11,6 +11,7 @@
 #include "heartbeat.hpp"
 #include "sightline/base/bounded_queue.hpp"
 #include "sightline/base/counters.hpp"
+#include "sightline/base/snapshot.hpp"
 #include "sightline/model/stream_types.hpp"
 #include "sightline/pipeline/object_fusion.hpp"
 
@@ -29,23 +30,34 @@ class FusionWorker {
   static Result<std::unique_ptr<FusionWorker>> start(
       const EstimatorOptions& options, const std::vector<NamedObject>& objects,
       const std::vector<ShapeSymmetry>& shape_symmetry, std::shared_ptr<TrackBoard> board,
-      Registry& registry, HeartbeatBoard& beats, OnEstimate on_estimate);
+      std::unique_ptr<CalibrationWatch> watch, Registry& registry, HeartbeatBoard& beats,
+      OnEstimate on_estimate);
   ~FusionWorker() { stop(); }
 
-  /// Takes one frame's observation; from any thread, never waits.
-  void push(Observation observation);
+  /// Takes one frame's observation; from any thread, never waits. `latency` (may be null) gets its
+  /// age when it has been fused.
+  void push(Observation observation, LatencyHistogram* latency = nullptr);
   /// ObjectEstimator::set_doubted() for the observations from now on; from any thread, never waits.
   void set_doubted(ObjectId object, bool doubted);
   /// Drops what is known of an object, a moment later; from any thread, never waits.
   void forget(ObjectId object);
+  /// What the cameras' places are believed to be, by CameraId; null: nobody watches, or nothing is
+  /// known yet. Any thread.
+  std::shared_ptr<const std::vector<CameraWatch>> calibration() const {
+    return calibration_.read();
+  }
+  /// Calibrated places, by CameraId, a moment later; from any thread, never waits.
+  void set_cameras(std::vector<std::optional<Rigid3>> world_from_camera);
   void stop();
 
  private:
   FusionWorker(std::unique_ptr<ObjectFusion> fusion, const std::vector<NamedObject>& objects,
                Registry& registry, OnEstimate on_estimate);
   void run(std::stop_token stop, Heartbeat& heartbeat);
-  void take(const Observation& observation);
+  void take(const Observation& observation, LatencyHistogram* latency);
   void forget_those_named();
+  void take_cameras();
+  void publish_calibration();
   void tell_of_silence(ObjectId object);
 
   struct ObjectCounters {
@@ -65,8 +77,14 @@ class FusionWorker {
 
   std::unique_ptr<ObjectFusion> fusion_;
   OnEstimate on_estimate_;
-  BoundedQueue<Observation> queue_{256};
-  std::mutex mutex_;  // guards forget_
+  struct Item {
+    Observation observation;
+    LatencyHistogram* latency;
+  };
+  BoundedQueue<Item> queue_{256};
+  Snapshot<const std::vector<CameraWatch>> calibration_;
+  std::mutex mutex_;  // guards the two below
+  std::optional<std::vector<std::optional<Rigid3>>> next_cameras_;
   std::vector<ObjectId> forget_;
   Counter& dropped_;
   std::vector<std::atomic<bool>> doubted_;  // by ObjectId

@@ -2,10 +2,10 @@
 #include "workers/mqtt_worker.hpp"
 
 #include <algorithm>
-#include <condition_variable>
 
 #include "sightline/base/log.hpp"
 #include "web/pose_json.hpp"
+#include "workers/wait_to_reopen.hpp"
 
 namespace sightline {
 
@@ -24,13 +24,6 @@ std::string topic_of(const MqttOptions& options, std::string object) {
     if (c == '/' || c == '+' || c == '#') c = '_';
   }
   return options.topic + "/objects/" + object;
-}
-
-void rest(const std::stop_token& stop, Duration duration) {
-  std::mutex mutex;
-  std::condition_variable_any never;
-  std::unique_lock lock(mutex);
-  never.wait_for(lock, stop, duration, [] { return false; });
 }
 
 }  // namespace
@@ -103,7 +96,7 @@ void MqttWorker::run(const std::stop_token& stop, Heartbeat& heartbeat) {
       next_try = MonotonicClock::now() + kNextTry;
     }
     if (!client) {
-      rest(stop, kTurn);
+      sleep_unless_stopped(stop, kTurn);
       continue;
     }
     client->step(kTurn, waker_->fd());

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "sightline/base/log.hpp"
+#include "workers/stage_latency.hpp"
 
 namespace sightline {
 
@@ -12,18 +13,25 @@ using namespace std::chrono_literals;
 std::shared_ptr<StreamOutput> StreamOutput::create(std::string camera, EncoderOptions options,
                                                    std::vector<NamedObject> names,
                                                    std::shared_ptr<RtspStream> stream,
+                                                   std::shared_ptr<WhepStream> browsers,
                                                    std::shared_ptr<PictureSlot> pictures,
                                                    std::shared_ptr<KindRecorder> recorder,
                                                    Registry& registry) {
-  std::shared_ptr<StreamOutput> output(new StreamOutput(std::move(camera), std::move(options),
-                                                        std::move(names), std::move(pictures),
-                                                        std::move(recorder), registry));
+  std::shared_ptr<StreamOutput> output(
+      new StreamOutput(std::move(camera), std::move(options), std::move(names), std::move(browsers),
+                       std::move(pictures), std::move(recorder), registry));
+  if (output->browsers_) {
+    output->browsers_->on_keyframe_wanted([wanted = output->keyframe_wanted_] { *wanted = true; });
+    output->browsers_->on_sent(
+        [sent = output->sent_](Duration age) { sent->observe(to_seconds(age)); });
+  }
   output->move_to(std::move(stream));
   return output;
 }
 
 void StreamOutput::move_to(std::shared_ptr<RtspStream> stream) {
   stream->on_keyframe_wanted([wanted = keyframe_wanted_] { *wanted = true; });
+  stream->on_sent([sent = sent_](Duration age) { sent->observe(to_seconds(age)); });
   stream_->publish(std::move(stream));
 }
 
@@ -37,11 +45,14 @@ void StreamOutput::adopt(std::vector<NamedObject> names,
 }
 
 StreamOutput::StreamOutput(std::string camera, EncoderOptions options,
-                           std::vector<NamedObject> names, std::shared_ptr<PictureSlot> pictures,
+                           std::vector<NamedObject> names, std::shared_ptr<WhepStream> browsers,
+                           std::shared_ptr<PictureSlot> pictures,
                            std::shared_ptr<KindRecorder> recorder, Registry& registry)
     : camera_(std::move(camera)),
+      browsers_(std::move(browsers)),
       pictures_(std::move(pictures)),
       recorder_(std::move(recorder)),
+      registry_(registry),
       created_(std::move(options)),
       options_(created_),
       names_(std::move(names)),
@@ -53,8 +64,13 @@ StreamOutput::StreamOutput(std::string camera, EncoderOptions options,
       unsent_(registry.counter("sightline_frames_dropped_total",
                                "Frames that a stage had no time for, by stage",
                                {{"camera", camera_}, {"stage", "send"}})),
-      viewers_(registry.gauge("sightline_viewers", "RTSP viewers playing", {{"camera", camera_}})) {
-}
+      viewers_(registry.gauge("sightline_viewers", "RTSP viewers playing", {{"camera", camera_}})),
+      bytes_(registry.counter("sightline_encoded_bytes_total", "Bytes of encoded video",
+                              {{"camera", camera_}})),
+      encoded_latency_(&stage_latency(registry, camera_, "encoded")),
+      sent_(&stage_latency(registry, camera_, "sent")),
+      browser_viewers_(registry.gauge("sightline_webrtc_viewers", "WebRTC viewers playing",
+                                      {{"camera", camera_}})) {}
 
 StreamOutput::~StreamOutput() { close(); }
 
@@ -71,10 +87,14 @@ std::string StreamOutput::encoder_name() const {
 bool StreamOutput::make_encoder() {
   if (MonotonicClock::now() < retry_at_) return false;
   const auto hand_out =
-      [stream = stream_, recorder = recorder_, packets = packets_,
+      [stream = stream_, browsers = browsers_, recorder = recorder_, packets = packets_,
+       bytes = &bytes_, latency = encoded_latency_,
        view = ViewPacket{camera_, options_.width, options_.height, options_.rate_hz, 0, {}}](
           EncodedPacket packet) {
+        bytes->add(packet.bytes->size());
+        observe_age(*latency, packet.capture);
         stream->read()->push(packet);
+        if (browsers) browsers->push(packet);
         const uint64_t number = ++*packets;
         if (!recorder->wants()) return;
         ViewPacket recorded = view;
@@ -88,7 +108,11 @@ bool StreamOutput::make_encoder() {
     retry_at_ = MonotonicClock::now() + 5s;
     return false;
   }
-  log::info({.camera = camera_}, "{}: encoding with {}", camera_, (*made)->encoder_name());
+  const std::string& name = (*made)->encoder_name();
+  log::info({.camera = camera_}, "{}: encoding with {}", camera_, name);
+  in_use_ = &registry_.gauge("sightline_encoder", "1 for the encoder that is in use",
+                             {{"camera", camera_}, {"encoder", name}});
+  in_use_->set(1);
   counted_ = {};
   std::lock_guard lock(mutex_);
   encoder_ = *std::move(made);
@@ -136,12 +160,16 @@ void StreamOutput::report() {
   unsent_.add(unsent - unsent_counted_);
   unsent_counted_ = unsent;
   viewers_.set(stream->viewers());
+  browser_viewers_.set(browsers());
+  const uint64_t to_browsers = browsers_ ? browsers_->dropped() : 0;
+  unsent_.add(to_browsers - std::exchange(unsent_to_browsers_, to_browsers));
 }
 
 void StreamOutput::close() {
   std::shared_ptr<VideoEncoder> last;
   std::lock_guard lock(mutex_);
   last.swap(encoder_);
+  if (in_use_ != nullptr) std::exchange(in_use_, nullptr)->set(0);
 }
 
 }  // namespace sightline

@@ -15,18 +15,20 @@
 #include "sightline/model/seams.hpp"
 #include "sightline/stream/encoder.hpp"
 #include "sightline/stream/rtsp_server.hpp"
+#include "sightline/stream/whep.hpp"
 #include "web/picture_board.hpp"
 
 namespace sightline {
 
-/// The way out of one camera: its encoder and its RTSP address, and its pictures for browsers. The
-/// encoder is made when the first
-/// viewer asks and made again should it fail; without images it costs nothing.
+/// The way out of one camera: its encoder with its RTSP address and its WebRTC viewers, and its
+/// pictures for browsers. The encoder is made when the first viewer asks and made again should it
+/// fail; without images it costs nothing.
 class StreamOutput : public ImageSink {
  public:
   static std::shared_ptr<StreamOutput> create(std::string camera, EncoderOptions options,
                                               std::vector<NamedObject> names,
                                               std::shared_ptr<RtspStream> stream,
+                                              std::shared_ptr<WhepStream> browsers,
                                               std::shared_ptr<PictureSlot> pictures,
                                               std::shared_ptr<KindRecorder> recorder,
                                               Registry& registry);
@@ -52,6 +54,8 @@ class StreamOutput : public ImageSink {
 
   PictureSlot& pictures() const { return *pictures_; }
   int viewers() const { return stream_->read()->viewers(); }
+  bool has_webrtc() const { return browsers_ != nullptr; }
+  int browsers() const { return browsers_ ? browsers_->viewers() : 0; }
   std::string url() const { return stream_->read()->url(); }
   /// As given to create(): size and rate stay for good. Any thread.
   const EncoderOptions& options() const { return created_; }
@@ -60,16 +64,20 @@ class StreamOutput : public ImageSink {
 
  private:
   StreamOutput(std::string camera, EncoderOptions options, std::vector<NamedObject> names,
-               std::shared_ptr<PictureSlot> pictures, std::shared_ptr<KindRecorder> recorder,
-               Registry& registry);
-  bool video_wanted() const { return stream_->read()->wanted() || recorder_->wants(); }
+               std::shared_ptr<WhepStream> browsers, std::shared_ptr<PictureSlot> pictures,
+               std::shared_ptr<KindRecorder> recorder, Registry& registry);
+  bool video_wanted() const {
+    return stream_->read()->wanted() || (browsers_ && browsers_->wanted()) || recorder_->wants();
+  }
   std::shared_ptr<VideoEncoder> encoder() const;
   bool make_encoder();
 
   const std::string camera_;
+  const std::shared_ptr<WhepStream> browsers_;  // null: no WebRTC
   const std::shared_ptr<PictureSlot> pictures_;
   const std::shared_ptr<KindRecorder> recorder_;
   uint64_t recordings_seen_ = 0;  // of recorder_->begun(), the drawing thread's
+  Registry& registry_;
   const EncoderOptions created_;
   EncoderOptions options_;  // in force; the drawing thread's
   std::vector<NamedObject> names_;
@@ -77,8 +85,12 @@ class StreamOutput : public ImageSink {
   const std::shared_ptr<Snapshot<RtspStream>> stream_ = std::make_shared<Snapshot<RtspStream>>();
   Counter &encoded_, &dropped_, &unsent_;
   Gauge& viewers_;
+  Counter& bytes_;
+  LatencyHistogram *const encoded_latency_, *const sent_;  // live as long as the registry
+  Gauge& browser_viewers_;
+  Gauge* in_use_ = nullptr;  // of the encoder, if there is one
   EncoderCounts counted_;
-  uint64_t unsent_counted_ = 0;
+  uint64_t unsent_counted_ = 0, unsent_to_browsers_ = 0;
   std::shared_ptr<RtspStream> counted_stream_;  // that `unsent_counted_` belongs to
   Time retry_at_{};                             // after a failed encoder
 

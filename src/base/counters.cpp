@@ -23,6 +23,15 @@ Gauge& Registry::gauge(const std::string& name, const std::string& help, const L
   return entry.value;
 }
 
+LatencyHistogram& Registry::histogram(const std::string& name, const std::string& help,
+                                      const Labels& labels) {
+  std::lock_guard lock(mutex_);
+  auto& entry = histograms_[{name, labels}];
+  entry.help = help;
+  entry.removed = false;
+  return entry.value;
+}
+
 void Registry::remove(const std::string& label, const std::string& value) {
   std::lock_guard lock(mutex_);
   const auto mark = [&](auto& table) {
@@ -33,12 +42,13 @@ void Registry::remove(const std::string& label, const std::string& value) {
   };
   mark(counters_);
   mark(gauges_);
+  mark(histograms_);
 }
 
 std::vector<Registry::Sample> Registry::samples() const {
   std::lock_guard lock(mutex_);
   std::vector<Sample> out;
-  out.reserve(counters_.size() + gauges_.size());
+  out.reserve(counters_.size() + gauges_.size() + histograms_.size());
   for (const auto& [key, entry] : counters_) {
     if (entry.removed) continue;
     out.push_back({key.first, entry.help, key.second, Kind::kCounter,
@@ -47,6 +57,15 @@ std::vector<Registry::Sample> Registry::samples() const {
   for (const auto& [key, entry] : gauges_) {
     if (entry.removed) continue;
     out.push_back({key.first, entry.help, key.second, Kind::kGauge, entry.value.value()});
+  }
+  for (const auto& [key, entry] : histograms_) {
+    if (entry.removed) continue;
+    Sample sample{key.first, entry.help, key.second, Kind::kHistogram, entry.value.sum()};
+    uint64_t total = 0;
+    for (size_t step = 0; step <= LatencyHistogram::kBounds.size(); ++step) {
+      sample.cumulative.push_back(total += entry.value.count(step));
+    }
+    out.push_back(std::move(sample));
   }
   std::stable_sort(out.begin(), out.end(), [](const Sample& a, const Sample& b) {
     return std::tie(a.name, a.labels) < std::tie(b.name, b.labels);

@@ -84,6 +84,7 @@ InstallationChanges compare(const Installation& before, const Installation& afte
   changes.record = before.record != after.record;
   changes.mqtt = before.mqtt != after.mqtt;
   changes.action = before.action != after.action;
+  changes.watch = before.watch != after.watch;
   changes.daemon = before.daemon != after.daemon;
   return changes;
 }
@@ -119,6 +120,7 @@ std::string InstallationChanges::summary() const {
                                                    {record, "record"},
                                                    {mqtt, "mqtt"},
                                                    {action, "action"},
+                                                   {watch, "watch"},
                                                    {daemon, "daemon"}};
   for (const auto& [changed, section] : sections) {
     if (changed) parts.emplace_back(section);

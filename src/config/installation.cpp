@@ -52,6 +52,7 @@ class InstallationReader {
     read_record();
     read_publish();
     read_action();
+    section("watch", result_.watch);
     section("daemon", result_.daemon);
     root_.finish();
     if (!document_.problems().empty()) return document_.problems().error();

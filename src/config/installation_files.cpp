@@ -95,6 +95,16 @@ Result<uint64_t> tokens_of(const fs::path& setting) {
   return content_of(path);
 }
 
+Result<uint64_t> tls_of(const TlsFiles& tls) {
+  const bool later = tls.certificate.string().starts_with("credential:") ||
+                     tls.key.string().starts_with("credential:");
+  if (later && std::getenv("CREDENTIALS_DIRECTORY") == nullptr) return uint64_t{0};
+  SL_RETURN_IF_ERROR(read_tls(tls));
+  SL_ASSIGN(const fs::path certificate, token_file_path(tls.certificate));
+  SL_ASSIGN(const fs::path key, token_file_path(tls.key));
+  return content_of(certificate) * 31 + content_of(key);
+}
+
 }  // namespace
 
 InstallationFiles InstallationFiles::on_disk() {
@@ -107,6 +117,7 @@ InstallationFiles InstallationFiles::on_disk() {
   files.is_directory = &directory_exists;
   files.content = &content_of;
   files.tokens = &tokens_of;
+  files.tls = &tls_of;
   return files;
 }
 

@@ -194,6 +194,7 @@ void visit(Visitor& v, RtspConfig& s) {
   v.flag("enabled", s.enabled);
   v.text("address", s.server.address);
   v.integer("port", s.server.port, 0, 65535, "a port number");
+  v.flag("open", s.server.open);
   v.integer("max_clients", s.server.max_clients, 1, 10000, "a whole number of viewers");
   v.integer("max_clients_per_address", s.server.max_clients_per_address, 0, 10000,
             "a whole number of viewers (0: three quarters of max_clients)");
@@ -213,6 +214,8 @@ void visit(Visitor& v, HttpConfig& s) {
   v.integer("port", s.server.port, 0, 65535, "a port number");
   v.flag("open", s.server.open);
   v.host_names("names", s.server.names);
+  v.integer("webrtc_viewers", s.server.webrtc_viewers, 0, 1000,
+            "a whole number of viewers (0: no WebRTC)");
 }
 
 template <typename Visitor>
@@ -248,6 +251,12 @@ void visit(Visitor& v, MqttOptions& s) {
   v.text("user", s.user);
   v.file("password_file", s.password_file);
   v.file("ca_file", s.ca_file);
+}
+
+template <typename Visitor>
+void visit(Visitor& v, WatchConfig& s) {
+  v.flag("enabled", s.enabled);
+  v.flag("auto_recover", s.auto_recover);
 }
 
 template <typename Visitor>

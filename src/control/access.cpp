@@ -94,29 +94,59 @@ Result<std::vector<AccessToken>> parse_tokens(std::string_view text, const std::
   return tokens;
 }
 
-Result<std::vector<AccessToken>> read_tokens(const std::filesystem::path& setting) {
+namespace {
+
+enum class Secrecy { kSecret, kPublic };
+
+Result<std::string> read_text(const std::filesystem::path& setting, Secrecy secrecy,
+                              const char* kind) {
   SL_ASSIGN(const std::filesystem::path path, token_file_path(setting));
   struct stat info {};
   if (::stat(path.c_str(), &info) != 0 || !S_ISREG(info.st_mode)) {
-    return make_error(ErrorCode::kNotFound, path.string(), "there is no such token file");
+    return make_error(ErrorCode::kNotFound, path.string(), "there is no such {}", kind);
   }
-  if ((info.st_mode & S_IRWXO) != 0) {
-    return make_error(
-        ErrorCode::kInvalidInput, path.string(),
-        "everybody on this machine can read it: chmod o= it, and give out new tokens");
+  if (secrecy == Secrecy::kSecret && (info.st_mode & S_IRWXO) != 0) {
+    return make_error(ErrorCode::kInvalidInput, path.string(),
+                      "everybody on this machine can read it: chmod o= it, and make a new {}",
+                      kind);
   }
   if (static_cast<std::uintmax_t>(info.st_size) > kMostBytes) {
-    return make_error(ErrorCode::kInvalidInput, path.string(), "is too long for a token file");
+    return make_error(ErrorCode::kInvalidInput, path.string(), "is too long for a {}", kind);
   }
   std::ifstream file(path, std::ios::binary);
-  const std::string text(std::istreambuf_iterator<char>(file), {});
+  std::string text(std::istreambuf_iterator<char>(file), {});
   if (!file.good() && !file.eof()) {
     return make_error(ErrorCode::kIo, path.string(), "cannot be read");
   }
   if (!file.is_open()) {
     return make_error(ErrorCode::kIo, path.string(), "cannot be opened by this user");
   }
+  return text;
+}
+
+Result<std::string> read_pem(const std::filesystem::path& setting, Secrecy secrecy,
+                             const char* kind, const char* mark) {
+  SL_ASSIGN(std::string text, read_text(setting, secrecy, kind));
+  if (text.find(mark) != std::string::npos && text.find("-----BEGIN ") != std::string::npos) {
+    return text;
+  }
+  return make_error(ErrorCode::kInvalidInput, setting.string(), "is no {} in PEM", kind);
+}
+
+}  // namespace
+
+Result<std::vector<AccessToken>> read_tokens(const std::filesystem::path& setting) {
+  SL_ASSIGN(const std::string text, read_text(setting, Secrecy::kSecret, "token file"));
+  SL_ASSIGN(const std::filesystem::path path, token_file_path(setting));
   return parse_tokens(text, path.string());
+}
+
+Result<TlsTexts> read_tls(const TlsFiles& files) {
+  TlsTexts texts;
+  SL_ASSIGN(texts.certificate,
+            read_pem(files.certificate, Secrecy::kPublic, "certificate", "CERTIFICATE-----"));
+  SL_ASSIGN(texts.key, read_pem(files.key, Secrecy::kSecret, "private key", "PRIVATE KEY-----"));
+  return texts;
 }
 
 }  // namespace sightline

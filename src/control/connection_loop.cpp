@@ -43,6 +43,7 @@ ConnectionLoop::ConnectionLoop(UniqueFd listener, const HttpOptions& options, Ha
 
 Result<std::unique_ptr<ConnectionLoop>> ConnectionLoop::create(UniqueFd listener,
                                                                const HttpOptions& options,
+                                                               const TlsTexts& tls,
                                                                Handler handler) {
   std::unique_ptr<ConnectionLoop> loop(
       new ConnectionLoop(std::move(listener), options, std::move(handler)));
@@ -59,12 +60,25 @@ Result<std::unique_ptr<ConnectionLoop>> ConnectionLoop::create(UniqueFd listener
     own->on_answer(connection);
     own->handler_.completed(std::exchange(*progress, nullptr));
   };
+  const bool secure = !tls.certificate.empty();
+  MHD_OptionItem tls_options[] = {
+      {MHD_OPTION_HTTPS_MEM_CERT, 0, const_cast<char*>(tls.certificate.c_str())},
+      {MHD_OPTION_HTTPS_MEM_KEY, 0, const_cast<char*>(tls.key.c_str())},
+      {MHD_OPTION_END, 0, nullptr}};
+  MHD_OptionItem* const more = secure ? tls_options : tls_options + 2;
+  const unsigned flags = MHD_USE_EPOLL | MHD_USE_NO_LISTEN_SOCKET | MHD_ALLOW_SUSPEND_RESUME |
+                         (secure ? unsigned{MHD_USE_TLS} : 0U);
   loop->daemon_.reset(MHD_start_daemon(
-      MHD_USE_EPOLL | MHD_USE_NO_LISTEN_SOCKET | MHD_ALLOW_SUSPEND_RESUME, 0, nullptr, nullptr,
-      loop->handler_.handle, loop->handler_.context, MHD_OPTION_NOTIFY_CONNECTION, +on_connection,
-      loop.get(), MHD_OPTION_NOTIFY_COMPLETED, +on_answer, loop.get(), MHD_OPTION_CONNECTION_LIMIT,
-      options.max_connections + kBeingClosed, MHD_OPTION_CONNECTION_MEMORY_LIMIT,
-      kMemoryPerConnection, MHD_OPTION_END));
+      flags, 0, nullptr, nullptr, loop->handler_.handle, loop->handler_.context,
+      MHD_OPTION_NOTIFY_CONNECTION, +on_connection, loop.get(), MHD_OPTION_NOTIFY_COMPLETED,
+      +on_answer, loop.get(), MHD_OPTION_CONNECTION_LIMIT, options.max_connections + kBeingClosed,
+      MHD_OPTION_CONNECTION_MEMORY_LIMIT, kMemoryPerConnection, MHD_OPTION_ARRAY, more,
+      MHD_OPTION_END));
+  if (!loop->daemon_ && secure) {
+    return make_error(ErrorCode::kInvalidInput, "http",
+                      "certificate and key under [access] cannot be used: they are damaged, or do "
+                      "not belong together");
+  }
   if (!loop->daemon_) {
     return make_error(ErrorCode::kInternal, "http", "the HTTP library does not start");
   }

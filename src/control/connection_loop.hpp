@@ -29,7 +29,7 @@ class ConnectionLoop {
   };
   static Result<std::unique_ptr<ConnectionLoop>> create(UniqueFd listener,
                                                         const HttpOptions& options,
-                                                        Handler handler);
+                                                        const TlsTexts& tls, Handler handler);
   ~ConnectionLoop();
   void run(std::stop_token stop);
 

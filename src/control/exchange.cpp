@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "control/exchange.hpp"
 
+#include <netdb.h>
 #include <strings.h>
+#include <sys/socket.h>
 
 #include <charconv>
 #include <exception>
@@ -52,6 +54,25 @@ Query query_of(MHD_Connection* connection) {
 PeerKey peer_of(MHD_Connection* connection) {
   const auto* const info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
   return peer_key(info != nullptr ? info->client_addr : nullptr);
+}
+
+/// Where the peer reached this host.
+std::string own_address_of(MHD_Connection* connection) {
+  const auto* const info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD);
+  sockaddr_storage address{};
+  socklen_t length = sizeof address;
+  if (info == nullptr ||
+      ::getsockname(info->connect_fd, reinterpret_cast<sockaddr*>(&address), &length) != 0) {
+    return "";
+  }
+  char text[NI_MAXHOST];
+  if (::getnameinfo(reinterpret_cast<const sockaddr*>(&address), length, text, sizeof text, nullptr,
+                    0, NI_NUMERICHOST) != 0) {
+    return "";
+  }
+  const std::string_view plain(text);
+  constexpr std::string_view kMapped = "::ffff:";
+  return std::string(plain.starts_with(kMapped) ? plain.substr(kMapped.size()) : plain);
 }
 
 void add_headers(MHD_Response* response, const HttpReply& reply) {
@@ -128,12 +149,14 @@ std::optional<HttpReply> Exchange::judge() {
 // tokens, but cannot keep it from saying whose page it was.
 std::optional<HttpReply> Exchange::judge_origin() const {
   const std::string origin = header("Origin");
-  if (!origin.empty() && origin != "http://" + header(MHD_HTTP_HEADER_HOST)) {
+  const std::string scheme = service_.options.tls.any() ? "https://" : "http://";
+  if (!origin.empty() && origin != scheme + header(MHD_HTTP_HEADER_HOST)) {
     return HttpReply::error(403, "pages of other sites may not ask this server");
   }
   const std::string site = header("Sec-Fetch-Site");
   const bool own = site.empty() || site == "same-origin" || site == "none";
-  if (!own && (method_ == MHD_HTTP_METHOD_POST || header("Sec-Fetch-Mode") != "navigate")) {
+  const bool looks = method_ == MHD_HTTP_METHOD_GET || method_ == MHD_HTTP_METHOD_HEAD;
+  if (!own && (!looks || header("Sec-Fetch-Mode") != "navigate")) {
     return HttpReply::error(403, "pages of other sites may not ask this server");
   }
   return std::nullopt;
@@ -169,8 +192,9 @@ std::optional<HttpReply> Exchange::judge_body() const {
   const std::string type = header(MHD_HTTP_HEADER_CONTENT_TYPE);
   const std::string media = type.substr(0, type.find(';'));
   // Forms of other sites cannot say this without being asked first.
-  if (!is(media.c_str(), "application/json")) {
-    return HttpReply::error(415, "Content-Type has to be application/json");
+  const std::string wanted(match_.route->body);
+  if (!is(media.c_str(), wanted.c_str())) {
+    return HttpReply::error(415, "Content-Type has to be " + wanted);
   }
   return std::nullopt;
 }
@@ -179,6 +203,7 @@ HttpReply Exchange::answer() {
   try {
     request_.query = query_of(connection_);
     request_.range = header(MHD_HTTP_HEADER_RANGE);
+    request_.address = own_address_of(connection_);
     HttpReply reply = match_.route->answer(service_.content, request_, match_.name);
     if (reply.stream && service_.streams >= service_.options.max_streams) {
       return HttpReply::error(503, "as many streams as this server sends are being watched");

@@ -71,31 +71,15 @@ Gatekeeper::Gatekeeper(std::vector<AccessToken> tokens, Role anonymous)
 
 Gatekeeper::Answer Gatekeeper::ask(std::string_view authorization, const PeerKey& peer, Time now) {
   if (authorization.empty() || tokens_.empty()) return {Verdict::kKnown, anonymous_};
-  const auto guesses = guesses_.find(peer);
-  if (guesses != guesses_.end()) {
-    if (guesses->second.since + kWindow <= now) {
-      guesses_.erase(guesses);
-    } else if (guesses->second.count >= kGuesses) {
-      return {Verdict::kTooOften, Role::kNone};  // also with the right one: nothing is learned
-    }
-  }
+  if (guesses_.exhausted(peer, now)) return {Verdict::kTooOften, Role::kNone};
   const auto secret = secret_of(authorization);
   const AccessToken* found = nullptr;
   for (const AccessToken& token : tokens_) {
     if (secret && same_secret(*secret, token.secret)) found = &token;
   }
   if (found != nullptr) return {Verdict::kKnown, found->role, found->name};
-  count_guess(peer, now);
+  guesses_.count(peer, now);
   return {Verdict::kWrong, Role::kNone};
-}
-
-void Gatekeeper::count_guess(const PeerKey& peer, Time now) {
-  if (!guesses_.contains(peer) && guesses_.size() >= kMostPeers) {
-    guesses_.erase(std::ranges::min_element(guesses_, {},
-                                            [](const auto& entry) { return entry.second.since; }));
-  }
-  Guesses& guesses = guesses_[peer];
-  if (guesses.count++ == 0) guesses.since = now;
 }
 
 }  // namespace sightline::control

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "control/connection_table.hpp"
+#include "sightline/base/guess_limit.hpp"
 #include "sightline/base/time.hpp"
 #include "sightline/control/access.hpp"
 
@@ -31,20 +31,10 @@ class Gatekeeper {
   };
   Answer ask(std::string_view authorization, const PeerKey& peer, Time now);
 
-  static constexpr int kGuesses = 10;                           ///< wrong tokens of one address ...
-  static constexpr Duration kWindow = std::chrono::minutes(1);  ///< ... in this time
-  static constexpr size_t kMostPeers = 1024;                    ///< that are remembered
-
  private:
-  struct Guesses {
-    int count = 0;
-    Time since{};
-  };
-  void count_guess(const PeerKey& peer, Time now);
-
   const std::vector<AccessToken> tokens_;
   const Role anonymous_;
-  std::map<PeerKey, Guesses> guesses_;
+  GuessLimit<PeerKey> guesses_;
 };
 
 }  // namespace sightline::control

@@ -46,6 +46,10 @@ Result<std::unique_ptr<HttpServer>> HttpServer::create(const HttpOptions& option
   if (!options.tokens.empty()) {
     SL_ASSIGN(tokens, read_tokens(options.tokens));
   }
+  TlsTexts tls;
+  if (options.tls.any()) {
+    SL_ASSIGN(tls, read_tls(options.tls));
+  }
   const bool guarded = !tokens.empty();
   SL_ASSIGN(ListenSocket socket,
             open_listen_socket(options.address, options.port, guarded || options.open));
@@ -65,7 +69,7 @@ Result<std::unique_ptr<HttpServer>> HttpServer::create(const HttpOptions& option
     return static_cast<Impl*>(self)->handle(connection, url, method, upload, upload_size, progress);
   };
   const auto completed = [](void* progress) { delete static_cast<Exchange*>(progress); };
-  SL_ASSIGN(impl->loop, ConnectionLoop::create(std::move(socket.fd), options,
+  SL_ASSIGN(impl->loop, ConnectionLoop::create(std::move(socket.fd), options, tls,
                                                {+handler, impl.get(), +completed, waker}));
   impl->service.loop = impl->loop.get();
   return std::unique_ptr<HttpServer>(new HttpServer(std::move(impl)));

@@ -126,6 +126,15 @@ HttpReply recording_file(const HttpContent& content, const Request& request,
   return made ? *std::move(made) : HttpReply::error(made.error());
 }
 
+HttpReply whep_offer(const HttpContent& content, const Request& request, const std::string& name) {
+  if (!content.whep_offer) return missing();
+  return content.whep_offer({name, request.body, request.address});
+}
+
+HttpReply whep_end(const HttpContent& content, const Request&, const std::string& name) {
+  return content.whep_end ? content.whep_end(name) : missing();
+}
+
 constexpr auto kView = Role::kViewer;
 constexpr auto kOperate = Role::kOperator;
 constexpr std::array kRoutes{
@@ -153,6 +162,8 @@ constexpr std::array kRoutes{
     Route{"GET", "/api/v1/recordings/{path}", kView, recording_file},
     Route{"GET", "/cameras/{name}/stream.mjpeg", kView, pictures<&HttpContent::motion_jpeg>},
     Route{"GET", "/cameras/{name}/snapshot.jpg", kView, pictures<&HttpContent::snapshot>},
+    Route{"POST", "/cameras/{name}/whep", kView, whep_offer, "application/sdp"},
+    Route{"DELETE", "/whep/{name}", kView, whep_end},
     Route{"GET", "/", kView, asset},
     Route{"GET", "/app.js", kView, asset},
     Route{"GET", "/style.css", kView, asset},

@@ -9,7 +9,8 @@ namespace sightline {
 
 Result<std::unique_ptr<ObjectFusion>> ObjectFusion::create(
     const EstimatorOptions& options, std::span<const NamedObject> objects,
-    std::span<const ShapeSymmetry> shape_symmetry, std::shared_ptr<TrackBoard> board) {
+    std::span<const ShapeSymmetry> shape_symmetry, std::shared_ptr<TrackBoard> board,
+    std::unique_ptr<CalibrationWatch> watch) {
   std::unique_ptr<ObjectFusion> fusion(new ObjectFusion());
   for (size_t i = 0; i < objects.size(); ++i) {
     fusion->shape_symmetry_.push_back(i < shape_symmetry.size() ? shape_symmetry[i]
@@ -21,11 +22,14 @@ Result<std::unique_ptr<ObjectFusion>> ObjectFusion::create(
   }
   fusion->options_ = options;
   fusion->board_ = std::move(board);
+  fusion->watch_ = std::move(watch);
   return fusion;
 }
 
-std::span<const UpdateReport> ObjectFusion::process(std::span<const Observation> set) {
+std::span<const UpdateReport> ObjectFusion::process(std::span<const Observation> observed) {
+  const std::span<const Observation> set = with_doubts(observed);
   reports_.clear();
+  verdict_ = false;
   for (size_t i = 0; i < estimators_.size(); ++i) {
     const bool among = std::any_of(set.begin(), set.end(), [&](const Observation& observation) {
       return observation.object.index() == i;
@@ -34,7 +38,21 @@ std::span<const UpdateReport> ObjectFusion::process(std::span<const Observation>
     reports_.push_back(estimators_[i].process(set));  // it takes what is of its object
     if (!reports_.back().dropped) publish(i);
   }
+  if (watch_) {
+    for (const Observation& observation : set) {
+      verdict_ |= watch_->add(observation, *tracks_[observation.object.index()]);
+    }
+  }
   return reports_;
+}
+
+// A camera that stands elsewhere than its calibration says loses its vote as far as it is wrong.
+std::span<const Observation> ObjectFusion::with_doubts(std::span<const Observation> set) {
+  const auto doubted = [this](const Observation& o) { return watch_->doubt(o.camera) != nullptr; };
+  if (!watch_ || std::ranges::none_of(set, doubted)) return set;
+  doubted_.assign(set.begin(), set.end());
+  for (Observation& o : doubted_) o.calibration_doubt = watch_->doubt(o.camera);
+  return doubted_;
 }
 
 std::span<const ObjectId> ObjectFusion::advance(Time now) {

@@ -7,11 +7,16 @@
 #include "sightline/base/log.hpp"
 #include "sightline/base/time.hpp"
 #include "sightline/image/convert.hpp"
+#include "sightline/pipeline/calibration_proposal.hpp"
 
 namespace sightline {
 namespace {
 
 constexpr double kDefaultRate = 30;
+
+bool is_told(CalibrationState state) {
+  return is_wrong(state) || state == CalibrationState::kDisputed;
+}
 
 Status make_folder(const std::filesystem::path& folder) {
   std::error_code error;
@@ -158,13 +163,30 @@ OcclusionDepthPtr ReplayPipeline::hidden(size_t camera) const {
 }
 
 Status ReplayPipeline::fuse() {
+  Time now{};
   for (const UpdateReport& report : chain_->fuse()) {
+    now = std::max(now, report.estimate.time);
     const std::string& object = rig_.objects[report.estimate.object.index()].named.name;
     ++summary_.rows_by_state[object][std::string(to_string(report.estimate.state))];
     if (log_ == nullptr) continue;
     SL_RETURN_IF_ERROR(log_->append(make_pose_log_row(report.estimate, object, camera_names_)));
   }
+  if (chain_->fusion().has_verdict()) tell_verdicts(*chain_->fusion().watch(), now);
   return {};
+}
+
+void ReplayPipeline::tell_verdicts(const CalibrationWatch& watch, Time now) {
+  verdicts_.resize(watch.cameras().size());
+  for (size_t i = 0; i < verdicts_.size(); ++i) {
+    const CameraWatch& camera = watch.cameras()[i];
+    const CalibrationState before = verdicts_[i];
+    verdicts_[i] = camera.state;
+    const bool again = camera.state == CalibrationState::kInOrder && is_wrong(before);
+    if (camera.state == before || !(again || is_told(camera.state))) continue;
+    log::warning("at {:.1f} s: camera {}: {} since {:.1f} s: {}",
+                 to_seconds(now.time_since_epoch()), camera_names_[i], to_string(camera.state),
+                 to_seconds(camera.since.time_since_epoch()), correction_words(camera));
+  }
 }
 
 void ReplayPipeline::collect_points() {

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "sightline/observe/terms/observation_header.hpp"
+#include "sightline/pipeline/calibration_proposal.hpp"
 
 namespace sightline {
 
@@ -20,7 +21,8 @@ Result<std::unique_ptr<TrackingChain>> TrackingChain::create(const Installation&
               CameraObserver::create(installation, rig, camera));
   }
   SL_ASSIGN(chain->fusion_,
-            ObjectFusion::create(installation.estimator, chain->objects_, rig.shape_symmetry()));
+            ObjectFusion::create(installation.estimator, chain->objects_, rig.shape_symmetry(),
+                                 nullptr, make_calibration_watch(installation, rig)));
   chain->search_ = std::move(search);
   if (chain->search_ && !timing.instant) {
     chain->timed_ = std::make_unique<TimedSearch>(*chain->search_, installation.cameras.size(),

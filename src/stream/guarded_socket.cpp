@@ -69,7 +69,7 @@ std::string_view answer_to(RequestGuard::Verdict verdict) {
 /// does not reset the connection before the answer is read.
 void refuse(GuardedStream* self, GuardedInput& input, RequestGuard::Verdict verdict) {
   const int fd = g_socket_get_fd(self->socket);
-  if (input.guard.requests() == 0) {
+  if (input.guard.requests() == 0 && !input.guard.opaque()) {
     const std::string_view answer = answer_to(verdict);
     [[maybe_unused]] const ssize_t sent =
         send(fd, answer.data(), answer.size(), MSG_NOSIGNAL | MSG_DONTWAIT);

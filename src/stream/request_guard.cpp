@@ -26,6 +26,10 @@ bool is_content_length(std::string_view name) {
 }  // namespace
 
 RequestGuard::Verdict RequestGuard::take(std::span<const uint8_t> bytes, Time now) {
+  if (opaque_) {
+    const size_t all = since_answer_.fetch_add(bytes.size(), std::memory_order_relaxed);
+    return all + bytes.size() > kMaxOpaque ? Verdict::kTooLarge : Verdict::kPass;
+  }
   for (const uint8_t byte : bytes) {
     if (const Verdict verdict = take_byte(byte, now); verdict != Verdict::kPass) return verdict;
   }
@@ -124,6 +128,20 @@ void RequestGuard::end_message() {
   state_ = State::kBetween;
   unfinished_since_.store(Time{}, std::memory_order_relaxed);
   if (is_request_) requests_.fetch_add(1, std::memory_order_relaxed);
+}
+
+std::string_view describe(RequestGuard::Verdict verdict) {
+  switch (verdict) {
+    case RequestGuard::Verdict::kTooLarge:
+      return "a request beyond 16 KiB";
+    case RequestGuard::Verdict::kHttp:
+      return "HTTP, which is not served here; a player that sends RTSP inside HTTP has to use TCP";
+    case RequestGuard::Verdict::kMalformed:
+      return "what came is not RTSP";
+    case RequestGuard::Verdict::kPass:
+      break;
+  }
+  return "";
 }
 
 }  // namespace sightline::stream

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <span>
 #include <string>
+#include <string_view>
 
 #include "sightline/base/time.hpp"
 
@@ -18,6 +19,8 @@ namespace sightline::stream {
 /// Threads: take() on the client's own; the rest from any.
 class RequestGuard {
  public:
+  /// Between two answers, of what cannot be read; RTCP of a viewer comes to a few hundred.
+  static constexpr size_t kMaxOpaque = 128 * 1024;
   static constexpr size_t kMaxHead = 16 * 1024;  ///< request line and headers [bytes]
   static constexpr size_t kMaxBody = 16 * 1024;  ///< [bytes]
 
@@ -27,6 +30,16 @@ class RequestGuard {
     kHttp,       ///< HTTP: RTSP inside it, or a browser
     kMalformed,  ///< not RTSP
   };
+
+  /// What comes is encrypted: nothing is known of it but how much it is. Before the first take().
+  void expect_opaque() { opaque_ = true; }
+  /// An answer was sent; only of what is opaque. Any thread.
+  void answered() {
+    if (!opaque_) return;
+    since_answer_.store(0, std::memory_order_relaxed);
+    requests_.fetch_add(1, std::memory_order_relaxed);
+  }
+  bool opaque() const { return opaque_; }
 
   /// The next bytes that came, in order. After anything but kPass the connection has to end.
   Verdict take(std::span<const uint8_t> bytes, Time now);
@@ -48,6 +61,8 @@ class RequestGuard {
   void take_body();
   void end_message();
 
+  bool opaque_ = false;
+  std::atomic<size_t> since_answer_{0};
   State state_ = State::kBetween;
   bool is_request_ = false;  ///< else an interleaved frame
   bool first_line_ = false;
@@ -60,5 +75,8 @@ class RequestGuard {
   std::atomic<Time> unfinished_since_{};
   std::atomic<uint64_t> requests_{0};
 };
+
+/// Why a connection ends, for a person.
+std::string_view describe(RequestGuard::Verdict verdict);
 
 }  // namespace sightline::stream

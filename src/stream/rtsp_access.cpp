@@ -29,10 +29,44 @@ void ask_for_passwords(GstRTSPServer* server, std::span<const RtspUser> users) {
   gst_rtsp_server_set_auth(server, auth.get());
 }
 
+Result<GObjectPtr<GTlsCertificate>> make_certificate(const std::string& certificate,
+                                                     const std::string& key) {
+  const std::string both = certificate + "\n" + key;
+  GError* raw = nullptr;
+  GObjectPtr<GTlsCertificate> pair(
+      g_tls_certificate_new_from_pem(both.c_str(), static_cast<gssize>(both.size()), &raw));
+  const GErrorPtr error(raw);
+  if (pair) return pair;
+  return make_error(ErrorCode::kInvalidInput, "rtsp",
+                    "certificate and key under [access] cannot be used: {} (the Debian package "
+                    "glib-networking has to be there)",
+                    text_of(error));
+}
+
+bool speak_tls(GstRTSPConnection* connection, GTlsCertificate* certificate) {
+  GTlsConnection* const tls = gst_rtsp_connection_get_tls(connection, nullptr);
+  if (tls == nullptr) return false;
+  g_tls_connection_set_certificate(tls, certificate);
+  return true;
+}
+
 void let_users_watch(GstRTSPMediaFactory* factory) {
   gst_rtsp_media_factory_add_role(factory, kWatcher, GST_RTSP_PERM_MEDIA_FACTORY_ACCESS,
                                   G_TYPE_BOOLEAN, TRUE, GST_RTSP_PERM_MEDIA_FACTORY_CONSTRUCT,
                                   G_TYPE_BOOLEAN, TRUE, nullptr);
+}
+
+bool refuses_password(const GstRTSPContext* context, GstRTSPMessage* answer) {
+  if (context == nullptr || context->request == nullptr ||
+      gst_rtsp_message_get_type(answer) != GST_RTSP_MESSAGE_RESPONSE) {
+    return false;
+  }
+  GstRTSPStatusCode status = GST_RTSP_STS_OK;
+  gst_rtsp_message_parse_response(answer, &status, nullptr, nullptr);
+  gchar* password = nullptr;
+  return status == GST_RTSP_STS_UNAUTHORIZED &&
+         gst_rtsp_message_get_header(context->request, GST_RTSP_HDR_AUTHORIZATION, &password, 0) ==
+             GST_RTSP_OK;
 }
 
 }  // namespace sightline::stream

@@ -103,6 +103,25 @@ bool RtspConnections::make_room(const Peer& newcomer) {
   return admission.admitted;
 }
 
+void RtspConnections::wrong_password(const void* client, Time now) {
+  std::lock_guard lock(mutex_);
+  const auto found = connections_.find(client);
+  if (found == connections_.end()) return;
+  guesses_.count(found->second.peer.counted_as, now);
+  if (guesses_.exhausted(found->second.peer.counted_as, now)) end(found->second);
+}
+
+void RtspConnections::answered(const void* client) {
+  std::lock_guard lock(mutex_);
+  const auto found = connections_.find(client);
+  if (found != connections_.end() && found->second.input) found->second.input->guard.answered();
+}
+
+bool RtspConnections::guessed_too_often(const Peer& newcomer, Time now) {
+  std::lock_guard lock(mutex_);
+  return guesses_.exhausted(newcomer.counted_as, now);
+}
+
 void RtspConnections::add(const void* client, Connection connection) {
   std::lock_guard lock(mutex_);
   connections_.insert_or_assign(client, std::move(connection));
@@ -110,7 +129,11 @@ void RtspConnections::add(const void* client, Connection connection) {
 
 void RtspConnections::remove(const void* client) {
   std::lock_guard lock(mutex_);
-  connections_.erase(client);
+  const auto found = connections_.find(client);
+  if (found == connections_.end()) return;
+  // The library leaves the socket of a TLS handshake that failed open.
+  ::shutdown(found->second.socket.get(), SHUT_RDWR);
+  connections_.erase(found);
 }
 
 int RtspConnections::count() const {

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "sightline/base/guess_limit.hpp"
 #include "sightline/base/result.hpp"
 #include "sightline/base/time.hpp"
 #include "sightline/base/unique_fd.hpp"
@@ -75,6 +76,12 @@ class RtspConnections {
 
   /// False if there is no room; else an idle connection may have been ended to make it.
   bool make_room(const Peer& newcomer);
+  /// This client brought a wrong password. After as many as an address may try its connection ends,
+  /// and no other from there has room for a minute; those that play go on.
+  void wrong_password(const void* client, Time now);
+  /// An answer goes out to this client.
+  void answered(const void* client);
+  bool guessed_too_often(const Peer& newcomer, Time now);
   void add(const void* client, Connection connection);
   void remove(const void* client);
   /// Connections that have not gone yet.
@@ -95,6 +102,7 @@ class RtspConnections {
   const HasSession has_session_;
   mutable std::mutex mutex_;
   std::map<const void*, Connection> connections_;
+  GuessLimit<std::string> guesses_;  // by Peer::counted_as
 };
 
 /// Lines of the log that strangers can cause: one in ten seconds, with the number of those left

@@ -57,6 +57,7 @@ struct State {
   mutable std::mutex mutex;
   std::map<std::string, std::shared_ptr<SharedStream>> streams;
   ClientSessions sessions;
+  GObjectPtr<GTlsCertificate> certificate;  ///< null: no TLS
 
   std::vector<std::shared_ptr<SharedStream>> all_streams() const {
     std::lock_guard lock(mutex);
@@ -91,9 +92,6 @@ void bound_peer(int fd) {
   setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
 }
 
-// --- signals; on the server's thread or on a client's thread
-// ---------------------------------------
-
 void on_play(GstRTSPClient* client, GstRTSPContext* context, gpointer data) {
   const LibraryCall call(data);
   if (!context->session || !context->uri) return;
@@ -108,6 +106,14 @@ void on_stop_playing(GstRTSPClient* client, GstRTSPContext* context, gpointer da
   if (const auto stream = state_of(data).stream_of(context->uri->abspath)) {
     stream->viewer_stopped(client, gst_rtsp_session_get_sessionid(context->session));
   }
+}
+
+void on_send(GstRTSPClient* client, GstRTSPContext* context, GstRTSPMessage* message,
+             gpointer data) {
+  const LibraryCall call(data);
+  state_of(data).connections.answered(client);
+  if (!refuses_password(context, message)) return;
+  state_of(data).connections.wrong_password(client, MonotonicClock::now());
 }
 
 /// One session for each connection: with more, one client could take them all.
@@ -146,8 +152,13 @@ void on_client(GstRTSPServer*, GstRTSPClient* client, gpointer data) {
   const StatePtr& state = UserData<StatePtr>::in(data);
   state->connections.add(client, std::exchange(state->arriving, {}));
   // The guard refuses HTTP already; this is the library's own way to know no RTSP inside HTTP.
-  gst_rtsp_connection_set_http_mode(gst_rtsp_client_get_connection(client), TRUE);
+  GstRTSPConnection* const connection = gst_rtsp_client_get_connection(client);
+  gst_rtsp_connection_set_http_mode(connection, TRUE);
+  if (state->certificate && !speak_tls(connection, state->certificate.get())) {
+    state->connections.end_if([client](const void* one) { return one == client; });
+  }
   connect(client, "closed", G_CALLBACK(on_closed), state);
+  connect(client, "send-message", G_CALLBACK(on_send), state);
   connect(client, "pre-setup-request", G_CALLBACK(on_pre_setup), state);
   connect(client, "new-session", G_CALLBACK(on_new_session), state);
   connect(client, "play-request", G_CALLBACK(on_play), state);
@@ -161,9 +172,6 @@ void on_session_removed(GstRTSPSessionPool*, GstRTSPSession* session, gpointer d
   state_of(data).sessions.forget(id);
   for (const auto& stream : state_of(data).all_streams()) stream->session_gone(id);
 }
-
-// --- helpers
-// ---------------------------------------------------------------------------------------
 
 bool is_valid_name(const std::string& name) {
   const auto allowed = [](char c) {
@@ -183,20 +191,6 @@ Error bind_error(const RtspOptions& options, const GErrorPtr& error) {
   }
   return make_error(ErrorCode::kUnavailable, "rtsp", "cannot listen on {} port {}: {}",
                     options.address, options.port, text_of(error));
-}
-
-std::string_view describe(RequestGuard::Verdict verdict) {
-  switch (verdict) {
-    case RequestGuard::Verdict::kTooLarge:
-      return "a request beyond 16 KiB";
-    case RequestGuard::Verdict::kHttp:
-      return "HTTP, which is not served here; a player that sends RTSP inside HTTP has to use TCP";
-    case RequestGuard::Verdict::kMalformed:
-      return "what came is not RTSP";
-    case RequestGuard::Verdict::kPass:
-      break;
-  }
-  return "";
 }
 
 std::string host_of(const std::string& address) {
@@ -230,6 +224,9 @@ Status RtspServer::Impl::listen() {
   const RtspOptions& options = state->options;
   server.reset(gst_rtsp_server_new());
   ask_for_passwords(server.get(), options.users);
+  if (options.tls()) {
+    SL_ASSIGN(state->certificate, make_certificate(options.certificate_pem, options.key_pem));
+  }
   sessions.reset(gst_rtsp_server_get_session_pool(server.get()));
   mounts.reset(gst_rtsp_server_get_mount_points(server.get()));
   gst_rtsp_server_set_address(server.get(), options.address.c_str());
@@ -295,6 +292,13 @@ void RtspServer::Impl::accept_one() {
   }
   const std::optional<Peer> peer = peer_of(accepted.get());
   if (!peer) return;
+  if (state->connections.guessed_too_often(*peer, now)) {
+    state->refusals.warn(fmt::format("rtsp: a client at {} is refused for a minute: too many wrong "
+                                     "passwords came from there",
+                                     peer->address),
+                         now);
+    return;
+  }
   if (state->connections.make_room(*peer)) {
     hand_over(std::move(accepted), *peer);
     return;
@@ -313,6 +317,7 @@ void RtspServer::Impl::hand_over(GObjectPtr<GSocket> accepted, const Peer& peer)
   arriving = {peer, std::make_shared<GuardedInput>(), UniqueFd(fcntl(fd, F_DUPFD_CLOEXEC, 0)),
               MonotonicClock::now(), false};
   if (!arriving.socket.is_open()) return;
+  if (state->options.tls()) arriving.input->guard.expect_opaque();
   const std::weak_ptr<State> of = state;
   arriving.input->on_refusal = [of, address = peer.address](RequestGuard::Verdict verdict) {
     if (const auto it = of.lock()) {
@@ -370,7 +375,9 @@ Result<std::shared_ptr<RtspStream>> RtspServer::add_stream(const std::string& na
                       "of its address)");
   }
   const auto stream = std::make_shared<SharedStream>(
-      name, fmt::format("rtsp://{}:{}/{}", host_of(impl_->state->options.address), port(), name),
+      name,
+      fmt::format("{}://{}:{}/{}", impl_->state->options.tls() ? "rtsps" : "rtsp",
+                  host_of(impl_->state->options.address), port(), name),
       options);
   {
     std::lock_guard lock(impl_->state->mutex);
@@ -378,8 +385,9 @@ Result<std::shared_ptr<RtspStream>> RtspServer::add_stream(const std::string& na
       return make_error(ErrorCode::kInvalidInput, name, "there is a stream of this name already");
     }
   }
-  gst_rtsp_mount_points_add_factory(impl_->mounts.get(), ("/" + name).c_str(),
-                                    stream->make_factory(impl_->udp_addresses.get()).release());
+  gst_rtsp_mount_points_add_factory(
+      impl_->mounts.get(), ("/" + name).c_str(),
+      stream->make_factory(impl_->udp_addresses.get(), impl_->state->options.tls()).release());
   return std::shared_ptr<RtspStream>(stream);
 }
 

@@ -7,6 +7,7 @@
 
 #include "sightline/base/log.hpp"
 #include "stream/handover.hpp"
+#include "stream/packet_buffer.hpp"
 
 namespace sightline::stream {
 namespace {
@@ -14,15 +15,7 @@ namespace {
 /// Packets that may wait for a media pipeline's thread; more, and the stream skips to a key frame.
 constexpr guint64 kMaxQueued = 8;
 
-using SharedBytes = std::shared_ptr<const std::vector<uint8_t>>;
 using StreamPtr = UserData<std::shared_ptr<SharedStream>>;
-
-/// A buffer over the packet's own bytes.
-GstBuffer* wrap_bytes(const SharedBytes& bytes) {
-  return gst_buffer_new_wrapped_full(
-      GST_MEMORY_FLAG_READONLY, const_cast<uint8_t*>(bytes->data()), bytes->size(), 0,
-      bytes->size(), UserData<SharedBytes>::make(bytes), UserData<SharedBytes>::destroy);
-}
 
 std::string launch_line(const RtspStreamOptions& options) {
   int numerator = 30, denominator = 1;
@@ -124,7 +117,7 @@ bool SharedStream::send(Media& media, const EncodedPacket& packet) {
     return false;
   }
   media.needs_keyframe = false;
-  GstBuffer* buffer = wrap_bytes(packet.bytes);
+  GstBuffer* buffer = wrap_packet(packet.bytes);
   const GstObjectPtr<GstClock> clock(gst_element_get_clock(media.source.get()));
   const uint64_t pts = media.clock.running_time(
       to_ns(packet.capture), static_cast<int64_t>(gst_clock_get_time(clock.get())),
@@ -135,7 +128,8 @@ bool SharedStream::send(Media& media, const EncodedPacket& packet) {
   return true;
 }
 
-GObjectPtr<GstRTSPMediaFactory> SharedStream::make_factory(GstRTSPAddressPool* udp_addresses) {
+GObjectPtr<GstRTSPMediaFactory> SharedStream::make_factory(GstRTSPAddressPool* udp_addresses,
+                                                           bool inside_only) {
   GObjectPtr<GstRTSPMediaFactory> factory(gst_rtsp_media_factory_new());
   gst_rtsp_media_factory_set_launch(factory.get(), launch_line(options_).c_str());
   gst_rtsp_media_factory_set_shared(factory.get(), TRUE);
@@ -144,8 +138,9 @@ GObjectPtr<GstRTSPMediaFactory> SharedStream::make_factory(GstRTSPAddressPool* u
   gst_rtsp_media_factory_set_stop_on_disconnect(factory.get(), TRUE);
   gst_rtsp_media_factory_set_address_pool(factory.get(), udp_addresses);
   gst_rtsp_media_factory_set_protocols(
-      factory.get(),
-      static_cast<GstRTSPLowerTrans>(GST_RTSP_LOWER_TRANS_UDP | GST_RTSP_LOWER_TRANS_TCP));
+      factory.get(), inside_only ? GST_RTSP_LOWER_TRANS_TCP
+                                 : static_cast<GstRTSPLowerTrans>(GST_RTSP_LOWER_TRANS_UDP |
+                                                                  GST_RTSP_LOWER_TRANS_TCP));
   g_signal_connect_data(factory.get(), "media-configure",
                         G_CALLBACK(+[](GstRTSPMediaFactory*, GstRTSPMedia* media, gpointer self) {
                           const LibraryCall call(self);
@@ -159,6 +154,9 @@ GObjectPtr<GstRTSPMediaFactory> SharedStream::make_factory(GstRTSPAddressPool* u
 void SharedStream::add_media(GstRTSPMedia* media) {
   const GstObjectPtr<GstElement> bin(gst_rtsp_media_get_element(media));
   send_without_delay(bin.get());
+  const GstObjectPtr<GstElement> payloader(
+      gst_bin_get_by_name_recurse_up(GST_BIN(bin.get()), "pay0"));
+  report_sent(payloader.get(), sent_);
   Media state;
   state.source =
       GstObjectPtr<GstElement>(gst_bin_get_by_name_recurse_up(GST_BIN(bin.get()), "src"));

@@ -12,6 +12,7 @@
 #include "sightline/stream/rtsp_server.hpp"
 #include "stream/gst_ptr.hpp"
 #include "stream/rtp_clock.hpp"
+#include "stream/sent_probe.hpp"
 
 namespace sightline::stream {
 
@@ -30,11 +31,13 @@ class SharedStream : public RtspStream, public std::enable_shared_from_this<Shar
   uint64_t dropped() const override;
   void on_wanted(std::function<void(bool wanted)> callback) override;
   void on_keyframe_wanted(std::function<void()> callback) override;
+  void on_sent(std::function<void(Duration)> callback) override { sent_->set(std::move(callback)); }
   std::string url() const override { return url_; }
 
   /// The factory for the mount point; it keeps the stream alive. RTP over UDP is sent from one of
   /// `udp_addresses`; null: from any address.
-  GObjectPtr<GstRTSPMediaFactory> make_factory(GstRTSPAddressPool* udp_addresses);
+  /// `inside_only`: RTP inside the RTSP connection alone, which is encrypted.
+  GObjectPtr<GstRTSPMediaFactory> make_factory(GstRTSPAddressPool* udp_addresses, bool inside_only);
 
   void viewer_started(const GstRTSPClient* client, const std::string& session);
   void viewer_stopped(const GstRTSPClient* client, const std::string& session);
@@ -61,6 +64,7 @@ class SharedStream : public RtspStream, public std::enable_shared_from_this<Shar
   const std::string url_;
   const RtspStreamOptions options_;
 
+  const SentReportPtr sent_ = std::make_shared<SentReport>();
   mutable std::mutex mutex_;
   std::map<const void*, Media> medias_;
   std::set<std::pair<const void*, std::string>> playing_;  ///< client, session

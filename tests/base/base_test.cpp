@@ -86,6 +86,22 @@ TEST(Registry, SameNameAndLabelsIsTheSameCounter) {
   EXPECT_EQ(samples[1].value, 3.0);
 }
 
+TEST(Registry, AHistogramCountsUpToEachBound) {
+  Registry registry;
+  LatencyHistogram& histogram = registry.histogram("a_seconds", "a", {{"stage", "sent"}});
+  for (const double seconds : {0.0, 0.001, 0.0011, 0.2, 99.0}) histogram.observe(seconds);
+  const auto sample = registry.samples().at(0);
+  EXPECT_EQ(sample.kind, Registry::Kind::kHistogram);
+  EXPECT_DOUBLE_EQ(sample.value, 99.2021);
+  ASSERT_EQ(sample.cumulative.size(), LatencyHistogram::kBounds.size() + 1);
+  EXPECT_EQ(sample.cumulative[0], 2u);
+  EXPECT_EQ(sample.cumulative[1], 3u);
+  EXPECT_EQ(sample.cumulative[LatencyHistogram::kBounds.size() - 1], 4u);
+  EXPECT_EQ(sample.cumulative.back(), 5u);
+  registry.remove("stage", "sent");
+  EXPECT_TRUE(registry.samples().empty());
+}
+
 TEST(StartThread, ReportsAnException) {
   std::string failure;
   start_thread(

@@ -130,6 +130,7 @@ TEST(Compare, EachSectionAlone) {
   EXPECT_EQ(changes("[record]\nstorage = \"ffv1\"\n").summary(), "record");
   EXPECT_EQ(changes("[detect]\naccept = 0.5\n").summary(), "observe");
   EXPECT_EQ(changes("[points]\nrate = 2\n").summary(), "observe");
+  EXPECT_EQ(changes("[watch]\nauto_recover = true\n").summary(), "watch");
   EXPECT_EQ(changes("[daemon]\nlog_level = \"debug\"\n").summary(), "daemon");
 }
 

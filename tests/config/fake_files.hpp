@@ -38,6 +38,10 @@ inline InstallationFiles fake_files() {
     object.mesh = path.parent_path() / "mesh.obj";
     return object;
   };
+  files.tls = [is_there](const TlsFiles& tls) -> Result<uint64_t> {
+    if (is_there(tls.certificate)) return uint64_t{9};
+    return make_error(ErrorCode::kNotFound, tls.certificate.string(), "no such file");
+  };
   files.tokens = [is_there](const auto& path) -> Result<uint64_t> {
     if (!is_there(path)) return make_error(ErrorCode::kNotFound, path.string(), "no such file");
     return uint64_t{7};

@@ -171,7 +171,7 @@ TEST(Installation, TheExampleParses) {
   EXPECT_FALSE(installation.cameras[2].overlay.circle);
   EXPECT_EQ(installation.cameras[2].overlay.line_px, 3);
   EXPECT_TRUE(installation.cameras[0].overlay.circle);
-  EXPECT_EQ(installation.rtsp.server.address, "0.0.0.0");
+  EXPECT_EQ(installation.rtsp.server.address, "127.0.0.1");
   EXPECT_EQ(installation.scene.meshes.size(), 1u);
 }
 
@@ -191,7 +191,8 @@ TEST(Installation, TheExamplesCommentedKeysAreTheDefaults) {
   for (std::string line; std::getline(lines, line);) {
     const bool names_a_file = line.find("_file") != std::string::npos ||
                               line.find("directory") != std::string::npos ||
-                              line.starts_with("# tokens");
+                              line.starts_with("# tokens") || line.starts_with("# certificate") ||
+                              line.starts_with("# key =");
     // Their defaults follow the rig.
     const bool is_a_place = line.starts_with("# eye") || line.starts_with("# target") ||
                             line.starts_with("# nearest_m") || line.starts_with("# farthest_m");
@@ -310,6 +311,8 @@ names = ["rig.example"]
 port = 81
 [access]
 tokens = "tokens"
+certificate = "rig.pem"
+key = "credential:rig.key"
 [record]
 enabled = true
 directory = "out"
@@ -355,6 +358,9 @@ log_level = "warning"
   EXPECT_TRUE(installation.http.server.open);
   EXPECT_EQ(installation.http.server.names, std::vector<std::string>{"rig.example"});
   EXPECT_EQ(installation.http.server.tokens, "dir/tokens");
+  EXPECT_EQ(installation.http.server.tls, (TlsFiles{"dir/rig.pem", "credential:rig.key", 9}));
+  EXPECT_EQ(installation.rtsp.server.certificate, "dir/rig.pem");
+  EXPECT_EQ(installation.rtsp.server.key, "credential:rig.key");
   EXPECT_EQ(installation.http.server.tokens_content, 7u);
   EXPECT_EQ(installation.rtsp.server.tokens, "dir/tokens");
   EXPECT_EQ(installation.http.server.port, 81);

@@ -35,7 +35,8 @@ TEST(OpenApi, DescribesEveryPathThatIsServedWithItsRole) {
   std::set<std::string> documented, served;
   for (const auto& [path, methods] : described["paths"].items()) {
     for (const auto& [method, what] : methods.items()) {
-      const std::string name = (method == "get" ? "GET " : "POST ") + path;
+      const std::string verb = method == "get" ? "GET " : method == "post" ? "POST " : "DELETE ";
+      const std::string name = verb + path;
       documented.insert(name + " " + what["x-role"].get<std::string>());
     }
   }

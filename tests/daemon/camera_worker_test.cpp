@@ -79,6 +79,7 @@ class WatchedStream : public RtspStream {
   void on_wanted(std::function<void(bool)>) override {}
   void on_keyframe_wanted(std::function<void()>) override {}
   std::string url() const override { return "rtsp://test"; }
+  void on_sent(std::function<void(Duration)>) override {}
 
   struct Sent {
     SeiMessage message;
@@ -145,8 +146,8 @@ class CameraWorkerTest : public testing::Test {
     auto pictures = PictureBoard::start(registry_, beats_, nullptr);
     ASSERT_TRUE(pictures);
     pictures_ = *pictures;
-    parts.output = StreamOutput::create("cam", encoder, {}, stream_, pictures_->slot("cam"),
-                                        recorder_, registry_);
+    parts.output = StreamOutput::create("cam", encoder, {}, stream_, nullptr,
+                                        pictures_->slot("cam"), recorder_, registry_);
     parts.draw.board = std::make_shared<TrackBoard>(0);
     worker_ = CameraWorker::start(std::move(parts), registry_, beats_);
   }

@@ -62,6 +62,8 @@ TEST(Label, RangeIsFromTheCamera) {
   PoseEstimate estimate = estimate_at(3);
   estimate.state = TrackState::kCoasting;
   estimate.covariance(4, 4) = 4e-4;
+  const auto noticed = label_text("a", estimate, Rigid3(), time_from_ns(0), "camera knocked");
+  EXPECT_NE(noticed.view().find(" · camera knocked\n"), std::string_view::npos);
   const LabelText text = label_text("a", estimate, world_from_camera, time_from_ns(1'250'000'000));
   EXPECT_EQ(text.view(), "a · coasting\n23.0 m  σ 20 mm  250 ms");
 }

@@ -22,6 +22,9 @@ struct Choice {
   double noise = 3, blur = 0.7, shutter_ms = 0, skew_ms = 0, similarity = 0;
   std::vector<double> hide;
   int hidden_camera = -1;
+  double rate = 30;
+  int knock_camera = -1;
+  double knock_at = 0, knock_deg = 0, knock_mm = 0;
   uint64_t seed = 1;
 };
 
@@ -50,6 +53,11 @@ Result<SceneRigOptions> rig_of(const Choice& choice) {
   }
   options.duration = from_seconds(choice.seconds);
   options.seed = choice.seed;
+  options.rate_hz = choice.rate;
+  options.knock.camera = std::min(choice.knock_camera, choice.cameras - 1);
+  options.knock.from = from_seconds(choice.knock_at);
+  options.knock.by[1] = choice.knock_deg * std::numbers::pi / 180;
+  options.knock.by[3] = 1e-3 * choice.knock_mm;
   options.blur_px = choice.blur;
   options.sensor.read_noise = choice.noise;
   options.sensor.shutter = 1e-3 * choice.shutter_ms;
@@ -99,6 +107,11 @@ int main(int argc, char** argv) {
   app.add_option("--similarity", choice.similarity, "0..1: the room in the object's color");
   app.add_option("--hide", choice.hide, "FROM TO [s]: a card before the camera")->expected(2);
   app.add_option("--hidden-camera", choice.hidden_camera, "which (default: every camera)");
+  app.add_option("--rate", choice.rate, "frames per second")->check(CLI::Range(1.0, 120.0));
+  app.add_option("--knock-camera", choice.knock_camera, "that is moved: its number");
+  app.add_option("--knock-at", choice.knock_at, "when [s]");
+  app.add_option("--knock-deg", choice.knock_deg, "turned about its vertical axis");
+  app.add_option("--knock-mm", choice.knock_mm, "shifted to its right");
   app.add_option("--seed", choice.seed, "of everything that is random");
   CLI11_PARSE(app, argc, argv);
   const Status done = record(choice);

@@ -36,6 +36,11 @@ SceneRig::SceneRig(const SceneRigOptions& options) : options_(options) {
     cameras_.push_back(camera_at(options, i));
     renderers_.emplace_back(cameras_.back(), backdrop, options.blur_px);
   }
+  if (options.knock.camera >= 0) {
+    CalibratedCamera knocked = cameras_.at(static_cast<size_t>(options.knock.camera));
+    knocked.world_from_camera = knocked.world_from_camera * Rigid3::exp(options.knock.by);
+    renderers_.emplace_back(knocked, backdrop, options.blur_px);
+  }
   bodies_ = bodies();
   for (int camera = 0; camera < static_cast<int>(cameras_.size()); ++camera) {
     const auto index = static_cast<size_t>(camera);
@@ -108,18 +113,22 @@ FrameInfo SceneRig::info_of(const SceneShot& shot) const {
   return info;
 }
 
+const SceneRenderer& SceneRig::renderer_of(const SceneShot& shot) const {
+  const bool knocked = shot.camera == options_.knock.camera &&
+                       shot.true_capture - options_.start >= options_.knock.from;
+  return knocked ? renderers_.back() : renderers_[static_cast<size_t>(shot.camera)];
+}
+
 FramePtr SceneRig::shoot(const SceneShot& shot) const {
   Sensor sensor = options_.sensor;
   if (options_.exposure) sensor.exposure *= options_.exposure(shot.camera, shot.true_capture);
   const uint64_t noise =
       options_.seed * 1'000'003 + static_cast<uint64_t>(shot.camera) * 100'003 + shot.sequence;
-  return renderers_[static_cast<size_t>(shot.camera)].shoot(bodies_, shot.true_capture, sensor,
-                                                            noise, info_of(shot));
+  return renderer_of(shot).shoot(bodies_, shot.true_capture, sensor, noise, info_of(shot));
 }
 
 double SceneRig::visible_share(const SceneShot& shot) const {
-  const auto seen =
-      renderers_[static_cast<size_t>(shot.camera)].visible(bodies_, 0, shot.true_capture);
+  const auto seen = renderer_of(shot).visible(bodies_, 0, shot.true_capture);
   return seen.whole > 0 ? static_cast<double>(seen.shown) / seen.whole : 0.0;
 }
 

@@ -20,6 +20,13 @@ struct SceneCard {
   double share = 1.0;  ///< of the view that it covers when in place, from the left
 };
 
+/// A camera stands at world_from_camera * exp(by) from this time on; its calibration stays.
+struct SceneKnock {
+  int camera = -1;  ///< -1: none
+  Duration from{0};
+  Vector6 by = Vector6::Zero();  ///< rotation [rad], translation [m]
+};
+
 /// Cameras on a circle about the world's z axis, looking at its origin, and one moving object.
 struct SceneRigOptions {
   std::vector<double> azimuths_deg = {0, 60};  ///< one camera each
@@ -43,6 +50,7 @@ struct SceneRigOptions {
   ScenePath path;
   BackdropOptions backdrop;
   std::vector<SceneCard> cards;
+  SceneKnock knock;
   std::vector<SceneBody> others;  ///< further bodies, unknown to the tracker
 
   Time start = Time(std::chrono::seconds(1));  ///< of the recording; the path starts there too
@@ -85,8 +93,10 @@ class SceneRig {
 
   SceneRigOptions options_;
   std::vector<CalibratedCamera> cameras_;
-  std::vector<SceneRenderer> renderers_;
-  std::vector<SceneBody> bodies_;  ///< the object first
+  const SceneRenderer& renderer_of(const SceneShot& shot) const;
+
+  std::vector<SceneRenderer> renderers_;  ///< by camera; then that of the knocked one
+  std::vector<SceneBody> bodies_;         ///< the object first
   std::vector<SceneShot> shots_;
 };
 

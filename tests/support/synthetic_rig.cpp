@@ -82,12 +82,19 @@ void SyntheticRig::place_cameras() {
     cameras_.push_back({"cam" + std::to_string(i),
                         CameraModel::create(options_.lens, "synthetic rig").value(),
                         looking_at_origin(position), options_.pixel_sigma});
+    if (static_cast<size_t>(i) < options_.recalibrated.size()) {
+      Rigid3& calibrated = cameras_.back().world_from_camera;
+      calibrated = calibrated * Rigid3::exp(options_.recalibrated[static_cast<size_t>(i)]);
+    }
     Random random(options_.seed * 7368787u + static_cast<uint64_t>(i));
     Vector6 error;
     error << options_.direction_error * random.normal<3>().normalized(),
         options_.place_error * random.normal<3>().normalized();
     true_cameras_.push_back(cameras_.back());
     true_cameras_.back().world_from_camera = cameras_.back().world_from_camera * Rigid3::exp(error);
+    if (static_cast<size_t>(i) >= options_.moved.size()) continue;
+    Rigid3& pose = true_cameras_.back().world_from_camera;
+    pose = pose * Rigid3::exp(options_.moved[static_cast<size_t>(i)]);
   }
 }
 

@@ -56,6 +56,11 @@ struct RigOptions {
   /// Every camera stands elsewhere than its calibration says: by so much in a random direction.
   double place_error = 0;      ///< [m]
   double direction_error = 0;  ///< [rad]
+  /// By camera, may be shorter: it stands at world_from_camera * exp(moved) (rotation,
+  /// translation).
+  std::vector<Vector6> moved;
+  /// The same of the calibration: it says world_from_camera * exp(recalibrated).
+  std::vector<Vector6> recalibrated;
 
   double dropout = 0.0;  ///< share of frames that see nothing
   std::vector<Occlusion> occlusions;

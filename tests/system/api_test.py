@@ -311,6 +311,32 @@ class Roles(DaemonCase):
         self.assertNotRegex(log, "0123456789abcdef|no-such-token")
         self.assertRegex(log, "forget by anna")
 
+    def test_guesses_over_rtsp_are_limited_and_harm_no_viewer(self):
+        daemon = self.start(installation(extra=f'[access]\ntokens = "{self.tokens()}"\n'))
+        address = f"127.0.0.1:{daemon.rtsp}/left"
+
+        def play(secret, frames=2):
+            return subprocess.Popen(["ffmpeg", "-nostdin", "-loglevel", "error", "-rtsp_transport", "tcp", "-i",
+                                     f"rtsp://wall:{secret}@{address}", "-frames:v", str(frames), "-f", "null", "-"],
+                                    stderr=subprocess.DEVNULL)
+
+        viewer = play("0123456789abcdef-wall", frames=100000)
+        self.addCleanup(viewer.wait, timeout=WAIT_S)
+        self.addCleanup(viewer.kill)
+        wait_until(lambda: self.watched(daemon), "somebody watches")
+        for _ in range(9):
+            self.assertNotEqual(play("a-wrong-guess").wait(timeout=WAIT_S), 0)
+        self.assertEqual(play("0123456789abcdef-wall").wait(timeout=WAIT_S), 0)  # nine may be mistakes
+        self.assertNotEqual(play("a-wrong-guess").wait(timeout=WAIT_S), 0)
+        self.assertNotEqual(play("0123456789abcdef-wall").wait(timeout=WAIT_S), 0)  # nothing is learned any more
+        self.assertRegex(daemon.log_text(), "refused for a minute: too many wrong passwords")
+        self.assertTrue(self.watched(daemon))
+        self.assertEqual(daemon.stop(), 0)
+
+    def watched(self, daemon):
+        state = Client(daemon.http, {"Authorization": "Bearer 0123456789abcdef-wall"}).get("/api/v1/state")[2]
+        return json.loads(state)["cameras"][0]["viewers"] == 1
+
     def test_bad_token_files_are_named_with_their_line(self):
         path = self.tokens("anna admin 0123456789abcdef-anna\n")
         daemon = self.start()

@@ -119,6 +119,9 @@ class Browser:
                 if not node.get("ignored") and "role" in node]
 
     def close(self):
+        """All at once, as a machine does whose power goes."""
+        if self.process.poll() is not None:
+            return
         self.process.kill()
         self.process.wait(timeout=WAIT_S)
         os.close(self.to)

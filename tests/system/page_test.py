@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""The page in a headless Chromium against a real daemon: live pictures in every tile, states and events, a picture that
+"""The page in a headless Chromium against a real daemon: video or pictures in every tile, states and events, a picture that
 gets stale, one camera large, hints and forget by mouse and keyboard, themes, phone width, names for assistive programs,
 and no error on the console. With SIGHTLINE_SCREENSHOTS it leaves pictures in that folder."""
 import os
@@ -12,6 +12,8 @@ from browser import Browser, chromium
 from support import BENCH, DaemonCase, installation, wait_until
 
 SHOTS = os.environ.get("SIGHTLINE_SCREENSHOTS")
+COLORS = "(() => {{ const from = document.querySelector('[data-camera={}] {}'), c = new OffscreenCanvas(640, 480)," \
+         "d = c.getContext('2d'); d.drawImage(from, 0, 0); return new Set(d.getImageData(0, 0, 640, 480).data).size; }})()"
 SEQUENCE = "+document.querySelector('[data-camera={}] canvas').dataset.sequence"
 
 
@@ -26,6 +28,10 @@ class Page(DaemonCase):
         if SHOTS:
             browser.screenshot(os.path.join(SHOTS, name + ".png"), whole)
 
+    def plays(self, browser, camera):
+        """True if its video is what is shown."""
+        return browser.run(f"(v => !v.hidden && v.readyState >= 2 && v.videoWidth > 0)(document.querySelector('[data-camera={camera}] video'))")
+
     def live(self, browser, cameras=("left", "right", "side")):
         for camera in cameras:
             browser.wait_for(f"document.querySelector('[data-camera={camera}] .chip')?.textContent === 'live'", f"{camera} is live")
@@ -37,10 +43,14 @@ class Page(DaemonCase):
         browser = self.open(daemon, "?theme=light", width=1360)
         self.live(browser)
         self.assertEqual(browser.run("document.title"), "test – Sightline")
-        # What is drawn are the pictures of the cameras, and not an empty canvas.
-        colors = "(() => { const c = document.querySelector('[data-camera=left] canvas'); const d = c.getContext('2d')" \
-                 ".getImageData(0, 0, c.width, c.height).data; return new Set(d).size; })()"
-        self.assertGreater(browser.run(colors), 100)
+        for camera in ("left", "right", "side"):
+            self.assertTrue(self.plays(browser, camera), f"{camera} by WebRTC")
+            self.assertGreater(browser.run(COLORS.format(camera, "video")), 100)
+        played = "document.querySelector('[data-camera=side] video').getVideoPlaybackQuality().totalVideoFrames"
+        before = browser.run(played)
+        browser.wait_for(f"{played} > {before} + 10", "frames are decoded")
+        self.assertEqual([camera["webrtc_viewers"] for camera in daemon.state()["cameras"]], [1, 1, 1])
+        self.assertEqual([camera["picture_viewers"] for camera in daemon.state()["cameras"]], [0, 0, 0])
         browser.wait_for("document.querySelector('[data-object=carton] .chip').textContent.includes('tracking')", "it tracks")
         browser.wait_for("/\\d m$/.test(document.querySelector('[data-object=carton] dd').textContent)", "it has a place")
         browser.wait_for("/carton: tracking/.test(document.getElementById('events').textContent)", "it is an event")
@@ -51,6 +61,32 @@ class Page(DaemonCase):
         self.shot(browser, "dark")
         self.assertEqual(browser.problems, [])
         self.assertEqual(daemon.stop(), 0)
+
+    def test_pictures_do_where_video_is_refused(self):
+        text = installation()
+        for extra, viewers, query in (("webrtc_viewers = 0\n", [0, 0, 0], ""), ("webrtc_viewers = 2\n", [1, 1, 0], ""),
+                                      ("", [0, 0, 0], "?video=off")):
+            daemon = self.start(text.replace("[http]\n", "[http]\n" + extra))
+            browser = self.open(daemon, query)
+            self.live(browser)
+            wait_until(lambda: sorted(c["webrtc_viewers"] for c in daemon.state()["cameras"]) == sorted(viewers), "videos")
+            for camera in daemon.state()["cameras"]:
+                kind = "video" if camera["webrtc_viewers"] else "canvas"
+                self.assertEqual(camera["picture_viewers"], 0 if kind == "video" else 1)
+                self.assertEqual(self.plays(browser, camera["name"]), kind == "video")
+                self.assertGreater(browser.run(COLORS.format(camera["name"], kind)), 100)
+            self.assertEqual([problem for problem in browser.problems if "503" not in problem], [])
+            if not viewers[0]:
+                self.shot(browser, "pictures")
+            browser.close()
+            self.assertEqual(daemon.stop(), 0)
+
+    def test_a_tab_that_closes_leaves_no_viewer(self):
+        daemon = self.start()
+        browser = self.open(daemon)
+        self.live(browser)
+        browser.go("about:blank")
+        wait_until(lambda: all(c["webrtc_viewers"] == 0 for c in daemon.state()["cameras"]), "they have gone")
 
     def test_it_fits_a_phone_and_speaks_its_names(self):
         daemon = self.start()
@@ -73,7 +109,7 @@ class Page(DaemonCase):
         browser.key("Enter", 13)
         browser.wait_for("document.querySelectorAll('.tile:not([hidden])').length === 1", "one is shown")
         browser.wait_for("document.querySelector('[data-camera=right] canvas').clientWidth > 600", "it is large")
-        watchers = lambda: [camera["picture_viewers"] for camera in daemon.state()["cameras"]]
+        watchers = lambda: [camera["webrtc_viewers"] for camera in daemon.state()["cameras"]]
         wait_until(lambda: watchers() == [0, 1, 0], "the others are not fetched")
         self.shot(browser, "large")
         browser.key("Escape", 27)

@@ -384,7 +384,7 @@ class Addresses(RtspAttack):
         self.assertEqual(done.returncode, 0)
 
     def test_an_address_that_others_reach_is_warned_of(self):
-        self.start(installation(cameras=("left",)).replace("[rtsp]\n", '[rtsp]\naddress = "0.0.0.0"\n'))
+        self.start(installation(cameras=("left",)).replace("[rtsp]\n", '[rtsp]\naddress = "0.0.0.0"\nopen = true\n'))
         self.assertRegex(read_text(self.path("daemon.log")), r"warning.*rtsp.*0\.0\.0\.0.*everybody")
         quiet = self.start()
         self.assertNotRegex(quiet.log_text(), r"rtsp.*everybody")

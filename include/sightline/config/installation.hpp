@@ -14,6 +14,7 @@
 #include "sightline/config/camera_config.hpp"
 #include "sightline/config/record_config.hpp"
 #include "sightline/config/scene_config.hpp"
+#include "sightline/config/watch_config.hpp"
 #include "sightline/control/http_server.hpp"
 #include "sightline/fuse/estimator.hpp"
 #include "sightline/geometry/camera_model.hpp"
@@ -131,6 +132,7 @@ struct Installation {
   RecordConfig record;
   MqttOptions mqtt;
   ActionConfig action;
+  WatchConfig watch;
   DaemonConfig daemon;
 };
 
@@ -157,6 +159,8 @@ struct InstallationFiles {
   std::function<uint64_t(const std::filesystem::path&)> content;  ///< hash; 0 if unreadable
   /// Hash of a token file that can be used; 0 for a credential that only the service will have.
   std::function<Result<uint64_t>(const std::filesystem::path&)> tokens;
+  /// The same of certificate and key.
+  std::function<Result<uint64_t>(const TlsFiles&)> tls;
 
   static InstallationFiles on_disk();
 };
@@ -194,6 +198,7 @@ struct InstallationChanges {
   bool observe = false;   ///< options of markers, search, tracking or points
   bool scene = false, render = false, estimator = false, action = false;
   bool rtsp = false, encoder = false, http = false, record = false, mqtt = false, daemon = false;
+  bool watch = false;
 
   bool operator==(const InstallationChanges&) const = default;
 

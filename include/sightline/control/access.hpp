@@ -35,4 +35,18 @@ Result<std::vector<AccessToken>> parse_tokens(std::string_view text, const std::
 /// The same from a file of at most 64 KiB that not everybody on this machine may read.
 Result<std::vector<AccessToken>> read_tokens(const std::filesystem::path& setting);
 
+/// Certificate (with its chain) and private key in PEM; each setting a path or "credential:NAME".
+struct TlsFiles {
+  std::filesystem::path certificate, key;
+  uint64_t content = 0;  ///< hash of both, so that a new certificate is a difference
+
+  bool any() const { return !certificate.empty(); }
+  bool operator==(const TlsFiles&) const = default;
+};
+struct TlsTexts {
+  std::string certificate, key;
+};
+/// Both as texts, each at most 64 KiB; the key must not be readable by everybody on this machine.
+Result<TlsTexts> read_tls(const TlsFiles& files);
+
 }  // namespace sightline

@@ -96,6 +96,13 @@ struct RecordingOrder {
   std::optional<double> seconds{};  ///< then it ends by itself
 };
 
+/// What a browser offers to play a camera by WebRTC (WHEP).
+struct WhepRequest {
+  std::string camera;
+  std::string sdp;
+  std::string address;  ///< numeric; of this host, as the browser reached it
+};
+
 /// What the server shows and what it may do. Called on the thread of HttpServer::run(), one
 /// request at a time; must not block. An empty function: 404 where it would be asked.
 struct HttpContent {
@@ -126,6 +133,10 @@ struct HttpContent {
   std::function<Result<HttpReply>(const PictureRequest&)> pictures{}, motion_jpeg{};
   /// One JPEG of the one camera that is named.
   std::function<Result<HttpReply>(const PictureRequest&)> snapshot{};
+
+  /// 201 with Location and the answer's SDP, perhaps later.
+  std::function<HttpReply(WhepRequest)> whep_offer{};
+  std::function<HttpReply(const std::string& session)> whep_end{};
 
   std::shared_ptr<HttpWaker> waker{};  ///< null: streams are looked at a few times a second only
 };

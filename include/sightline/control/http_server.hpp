@@ -11,6 +11,7 @@
 #include "sightline/base/counters.hpp"
 #include "sightline/base/result.hpp"
 #include "sightline/base/time.hpp"
+#include "sightline/control/access.hpp"
 #include "sightline/control/http_content.hpp"
 
 namespace sightline {
@@ -21,6 +22,7 @@ struct HttpOptions {
   /// Who may come (read_tokens()). Empty: everybody who reaches the address is an operator.
   std::filesystem::path tokens;
   uint64_t tokens_content = 0;  ///< hash of that file, so that new tokens are a difference
+  TlsFiles tls;                 ///< none: HTTP without TLS
   /// An address that is not loopback is refused without tokens, unless this says that everybody is
   /// meant. With tokens: who brings none is a viewer.
   bool open = false;
@@ -34,6 +36,8 @@ struct HttpOptions {
   unsigned max_connections = 512;
   /// Of these, answers without an end (events, pictures); more are refused with 503.
   unsigned max_streams = 64;
+  /// Viewers by WebRTC at once; 0: none. The daemon's to use.
+  int webrtc_viewers = 32;
   /// From being accepted, or answered before, to the end of the next answer; then it is closed,
   /// whatever trickles in meanwhile. A stream whose reader takes nothing for so long, too.
   Duration deadline = std::chrono::seconds(10);

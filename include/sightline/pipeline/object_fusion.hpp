@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "sightline/calibrate/calibration_watch.hpp"
 #include "sightline/fuse/estimator.hpp"
 #include "sightline/model/stream_types.hpp"
 #include "sightline/pipeline/track_board.hpp"
@@ -16,11 +17,12 @@ namespace sightline {
 /// no clock of its own.
 class ObjectFusion {
  public:
-  /// `objects` and `shape_symmetry` by ObjectId; a missing symmetry is none. `board` may be null.
-  static Result<std::unique_ptr<ObjectFusion>> create(const EstimatorOptions& options,
-                                                      std::span<const NamedObject> objects,
-                                                      std::span<const ShapeSymmetry> shape_symmetry,
-                                                      std::shared_ptr<TrackBoard> board = nullptr);
+  /// `objects` and `shape_symmetry` by ObjectId; a missing symmetry is none. `board` and `watch`
+  /// may be null.
+  static Result<std::unique_ptr<ObjectFusion>> create(
+      const EstimatorOptions& options, std::span<const NamedObject> objects,
+      std::span<const ShapeSymmetry> shape_symmetry, std::shared_ptr<TrackBoard> board = nullptr,
+      std::unique_ptr<CalibrationWatch> watch = nullptr);
 
   /// Takes observations that share one capture time, of any cameras and objects: one joint update
   /// of each object that is among them, and a report of each, in order of ObjectId. Valid until the
@@ -33,6 +35,12 @@ class ObjectFusion {
 
   /// See ObjectEstimator::set_doubted().
   void set_doubted(ObjectId object, bool doubted);
+  /// What the cameras' places are believed to be; null: nobody watches.
+  CalibrationWatch* watch() { return watch_.get(); }
+  const CalibrationWatch* watch() const { return watch_.get(); }
+  /// Whether process() brought a new verdict on a camera.
+  bool has_verdict() const { return verdict_; }
+
   /// Drops what is known of an object: it is searching, as if it had never been seen.
   void forget(ObjectId object);
 
@@ -43,12 +51,16 @@ class ObjectFusion {
  private:
   ObjectFusion() = default;
   void publish(size_t object);
+  std::span<const Observation> with_doubts(std::span<const Observation> set);
 
   EstimatorOptions options_;
   std::vector<ShapeSymmetry> shape_symmetry_;  // by ObjectId
   std::vector<ObjectEstimator> estimators_;    // by ObjectId
   std::vector<PoseTrackPtr> tracks_;           // by ObjectId
   std::shared_ptr<TrackBoard> board_;          // null: nobody reads
+  std::unique_ptr<CalibrationWatch> watch_;    // null: nobody watches
+  bool verdict_ = false;
+  std::vector<Observation> doubted_;  // scratch
   std::vector<UpdateReport> reports_;
   std::vector<ObjectId> changed_;
 };

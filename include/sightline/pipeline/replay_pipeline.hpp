@@ -86,6 +86,7 @@ class ReplayPipeline {
   /// The frames of cameras that the installation names, under its ids.
   void take(const std::vector<FramePtr>& frames);
   Status fuse();
+  void tell_verdicts(const CalibrationWatch& watch, Time now);
   void learn(const std::vector<FramePtr>& frames);
   void collect_points();
   Status draw(const std::vector<FramePtr>& frames);
@@ -99,6 +100,7 @@ class ReplayPipeline {
   std::vector<PoseAt> poses_;
   PoseLogWriter* log_ = nullptr;
   std::filesystem::path png_folder_;
+  std::vector<CalibrationState> verdicts_;     // by CameraId, as the log has them
   std::unique_ptr<PointCollector> collector_;  // null: no points wanted
   std::filesystem::path points_file_;
   std::vector<PointMark> marks_;

@@ -25,6 +25,9 @@ struct RtspOptions {
   /// Numeric address or host name to bind. Without users "0.0.0.0" lets everybody on the network
   /// watch.
   std::string address = "127.0.0.1";
+  /// An address that is not loopback may be watched without passwords or without TLS. The daemon's
+  /// to check.
+  bool open = false;
   uint16_t port = 8554;  ///< 0: any free one, see RtspServer::port()
   /// A viewer that shows no sign of life (RTCP, keep-alive) for so long is dropped.
   Duration session_timeout = std::chrono::seconds(60);
@@ -40,6 +43,13 @@ struct RtspOptions {
   /// Where the users come from (sightline/control/access.hpp); the daemon reads it. Empty: nowhere.
   std::filesystem::path tokens;
   uint64_t tokens_content = 0;  ///< hash of that file, so that new tokens are a difference
+
+  /// In PEM. With them the server speaks TLS alone (rtsps://), and sends RTP inside it alone.
+  std::string certificate_pem, key_pem;
+  /// Where these come from, as `users` from `tokens`.
+  std::filesystem::path certificate, key;
+  uint64_t tls_content = 0;
+  bool tls() const { return !certificate_pem.empty(); }
 
   bool operator==(const RtspOptions&) const = default;
 };
@@ -70,6 +80,9 @@ class RtspStream {
   /// Called on a server thread or from push() when a viewer needs a key frame to start: connect it
   /// to VideoEncoder::request_keyframe(), which limits the rate.
   virtual void on_keyframe_wanted(std::function<void()> callback) = 0;
+  /// Called on a GStreamer thread for each image when its packets have been made for the network,
+  /// with the time since its capture; must be quick.
+  virtual void on_sent(std::function<void(Duration age)> callback) = 0;
   /// "rtsp://ADDRESS:PORT/NAME"
   virtual std::string url() const = 0;
 };

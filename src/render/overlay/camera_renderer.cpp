@@ -60,6 +60,7 @@ class CameraRenderer::Impl {
              "the image has the camera's size");
     occluders_.begin(hints.hidden, std::ranges::any_of(objects, shows_lines_in_space));
     text_.begin();
+    notice_ = hints.notice;
     subjects_.read(capture, tracks, poses);
     for (const Subject& subject : subjects_.all()) draw_object(target, subject, capture);
     for (size_t i = 0; i < objects.size(); ++i) {
@@ -92,10 +93,10 @@ class CameraRenderer::Impl {
     lines_.draw(target, subject, surface_, occluders_);
     const Extent extent = draw_bounding_marks(target, subject, coverage, circle);
     if (!style.label) return;
-    text_.add_beside(
-        subject.index,
-        label_text(subject.object->name, *subject.estimate, camera_.world_from_camera, capture),
-        {subject.line_style.color, kWhite}, extent);
+    text_.add_beside(subject.index,
+                     label_text(subject.object->name, *subject.estimate, camera_.world_from_camera,
+                                capture, notice_),
+                     {subject.line_style.color, kWhite}, extent);
   }
 
   /// Rasterized: some pixel shows the object (or its center, if it is smaller than a pixel). Not
@@ -130,7 +131,7 @@ class CameraRenderer::Impl {
     if (style.last_seen && state == TrackState::kLost && subjects_.last_drawn(i)) {
       draw_last_seen(target, i, *subjects_.last_drawn(i), capture);
     }
-    if (style.status) text_.add_status(i, status_text(objects[i].name, state));
+    if (style.status) text_.add_status(i, status_text(objects[i].name, state, notice_));
   }
 
   void draw_last_seen(const FrameTarget& target, size_t i, const PoseEstimate& last, Time capture) {
@@ -153,6 +154,7 @@ class CameraRenderer::Impl {
   SurfacePainter surface_;
   LinePainter lines_;
   TextLayer text_;
+  std::string_view notice_;  // of one draw()
 };
 
 CameraRenderer::CameraRenderer(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}

@@ -5,6 +5,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "sightline/base/ids.hpp"
@@ -54,6 +55,7 @@ struct RenderOptions {
 /// What is known about one frame beside the poses; all of it may be null. Read during draw() only.
 struct FrameHints {
   const OcclusionDepth* hidden = nullptr;  ///< hides objects like the static scene
+  std::string_view notice{};               ///< what every label says beside; one line
 };
 
 /// Draws the overlay of one camera: asks each track for the pose at the frame's own capture time,

@@ -24,12 +24,12 @@ class LabelText {
 
 /// The label beside an object, two lines: "NAME · STATE" and "RANGE m  σ SIGMA mm  AGE ms". Range
 /// is from the camera's center to the object's origin, sigma the largest standard deviation of its
-/// position, age how long before `capture` the newest measurement was.
+/// position, age how long before `capture` the newest measurement was. A notice follows the state.
 LabelText label_text(std::string_view name, const PoseEstimate& estimate,
-                     const Rigid3& world_from_camera, Time capture);
+                     const Rigid3& world_from_camera, Time capture, std::string_view notice = {});
 
 /// "NAME: searching" or "NAME: lost", for the corner.
-LabelText status_text(std::string_view name, TrackState state);
+LabelText status_text(std::string_view name, TrackState state, std::string_view notice = {});
 
 /// "NAME RANGE m", beside the arrow of an object outside the image.
 LabelText offscreen_text(std::string_view name, double range);

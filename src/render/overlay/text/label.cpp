@@ -61,6 +61,12 @@ void append_name(LabelText& label, std::string_view name) {
   if (size < name.size()) label.append("…");
 }
 
+void append_notice(LabelText& label, std::string_view notice) {
+  if (notice.empty()) return;
+  label.append(" · ");
+  label.append(notice);
+}
+
 }  // namespace
 
 void LabelText::append(std::string_view utf8) {
@@ -70,11 +76,12 @@ void LabelText::append(std::string_view utf8) {
 }
 
 LabelText label_text(std::string_view name, const PoseEstimate& estimate,
-                     const Rigid3& world_from_camera, Time capture) {
+                     const Rigid3& world_from_camera, Time capture, std::string_view notice) {
   LabelText label;
   append_name(label, name);
   label.append(" · ");
   label.append(to_string(estimate.state));
+  append_notice(label, notice);
   label.append("\n");
   append_range(label, translation_distance(world_from_camera, estimate.world_from_object));
   label.append("  ");
@@ -84,11 +91,12 @@ LabelText label_text(std::string_view name, const PoseEstimate& estimate,
   return label;
 }
 
-LabelText status_text(std::string_view name, TrackState state) {
+LabelText status_text(std::string_view name, TrackState state, std::string_view notice) {
   LabelText label;
   append_name(label, name);
   label.append(": ");
   label.append(to_string(state));
+  append_notice(label, notice);
   return label;
 }
 

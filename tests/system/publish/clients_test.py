@@ -11,8 +11,9 @@ import subprocess
 import sys
 import unittest
 
-from api_test import Client
-from support import BIN, ROOT, WAIT_S, DaemonCase, installation, wait_until
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
+from api_test import Client  # noqa: E402
+from support import BIN, ROOT, WAIT_S, DaemonCase, installation, wait_until  # noqa: E402
 
 sys.path.insert(0, os.path.join(ROOT, "clients"))
 import sightline_poses  # noqa: E402

@@ -11,7 +11,8 @@ import tempfile
 import time
 import unittest
 
-from support import BENCH, BIN, WAIT_S, installation, wait_until
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
+from support import BENCH, BIN, WAIT_S, installation, wait_until  # noqa: E402
 
 JOURNALD = "/usr/lib/systemd/systemd-journald"
 INSIDE = "SIGHTLINE_JOURNAL_TEST"

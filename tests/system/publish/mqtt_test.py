@@ -10,8 +10,9 @@ import subprocess
 import sys
 import unittest
 
-from api_test import Client, fault
-from support import WAIT_S, DaemonCase, fixed_port, installation, wait_until
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
+from api_test import Client, fault  # noqa: E402
+from support import WAIT_S, DaemonCase, fixed_port, installation, wait_until  # noqa: E402
 
 MOSQUITTO = shutil.which("mosquitto", path=os.environ.get("PATH", "") + ":/usr/sbin:/sbin")
 

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <condition_variable>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "heartbeat.hpp"
+#include "sightline/base/counters.hpp"
+#include "sightline/config/installation.hpp"
+#include "workers/fusion_worker.hpp"
+
+namespace sightline {
+
+/// The thread ("calib") that tells of what the watch over the cameras' places found: one line of
+/// the log for each event, metrics, a proposed calibration in the state folder; and takes the
+/// proposal over if the installation says so.
+class CalibrationKeeper {
+ public:
+  struct Options {
+    std::filesystem::path proposal;        ///< empty: there is no state folder
+    std::function<void()> request_reload;  ///< empty: nothing is taken over
+  };
+  static std::shared_ptr<CalibrationKeeper> start(Options options, Installation installation,
+                                                  std::shared_ptr<FusionWorker> fusion,
+                                                  Registry& registry, HeartbeatBoard& beats);
+  ~CalibrationKeeper() { (void)stop_unless_waiting(kPatience); }
+
+  /// False: the disk takes longer than that, and the thread is left.
+  bool stop_unless_waiting(Duration patience);
+  const std::filesystem::path& proposal() const { return options_.proposal; }
+
+ private:
+  static constexpr Duration kPatience = std::chrono::seconds(1);
+  struct Camera {
+    std::string name;
+    Gauge *state, *turned, *shifted, *vote;
+    CalibrationState said = CalibrationState::kUnknown;
+  };
+
+  CalibrationKeeper(Options options, Installation installation,
+                    std::shared_ptr<FusionWorker> fusion, Registry& registry);
+  void run(const std::stop_token& stop, Heartbeat& heartbeat);
+  /// True if an event was told.
+  bool tell(const std::vector<CameraWatch>& watches);
+  void propose(const std::vector<CameraWatch>& watches);
+  void recover(const std::vector<CameraWatch>& watches);
+
+  const Options options_;
+  const Installation installation_;
+  const std::shared_ptr<FusionWorker> fusion_;
+  std::vector<Camera> cameras_;  // by CameraId
+  bool proposed_ = false, failed_ = false, recovered_ = false;
+  Time next_proposal_{};
+  std::mutex mutex_;
+  std::condition_variable_any never_;
+  WatchedThread thread_;
+};
+
+}  // namespace sightline

@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+namespace sightline {
+
+/// Whether the cameras' places are watched over while the rig runs.
+struct WatchConfig {
+  bool enabled = true;
+  bool auto_recover = false;  ///< take a proposed place over without being asked
+
+  bool operator==(const WatchConfig&) const = default;
+};
+
+}  // namespace sightline
