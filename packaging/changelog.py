@@ -34,9 +34,9 @@ def git(*arguments):
 
 
 def entry(version, changes, commit=None):
-    """(version, date, what is new) of the package. `commit`: (hash, time) of the tree, for what is no release."""
+    """(version, date, what is new) of the package. `commit`: (name, time) of the tree, for what is no release."""
     release = newest_release(changes)
-    if release and release[0] == version:
+    if release and release[0] == version and "changed" not in (commit or [""])[0]:
         return version, release[1], "Release; CHANGELOG.md says what is new."
     name, time = commit
     stamp = time.strftime("%Y%m%d.%H%M%S")
@@ -44,7 +44,8 @@ def entry(version, changes, commit=None):
 
 
 def changelog(version, date, news, maintainer):
-    return f"sightline ({version}) unstable; urgency=medium\n\n  * {news}\n\n -- {maintainer}  {format_datetime(date)}\n"
+    signature = f" -- {maintainer}  {format_datetime(date)}"
+    return f"sightline ({version}) unstable; urgency=medium\n\n  * {news}\n\n{signature}\n"
 
 
 def main():
@@ -52,6 +53,8 @@ def main():
     parser.add_argument("--version", action="store_true", help="only the version")
     asked = parser.parse_args()
     name, seconds = git("log", "-1", "--format=%h %ct", "--abbrev=8").split()
+    if git("status", "--porcelain"):
+        name += ".changed"
     commit = (name, datetime.datetime.fromtimestamp(int(seconds), datetime.timezone.utc))
     version, date, news = entry(project_version(read("CMakeLists.txt")), read("CHANGELOG.md"), commit)
     if asked.version:

@@ -60,8 +60,8 @@ class Install(TemporaryFolder):
             conditions, service = content.split("[Service]\n")
             self.assertIn(f"ConditionPathExists=|/etc/sightline/{name}.toml\n", conditions)
             self.assertIn(f"ConditionPathExists=|/etc/default/{folder}\n", conditions)
-            for line in (f"Environment=SIGHTLINE_CONFIG=/etc/sightline/{name}.toml", f"EnvironmentFile=-/etc/default/{folder}",
-                         f"StateDirectory={folder}", f"CacheDirectory={folder}"):
+            for line in (f"Environment=SIGHTLINE_CONFIG=/etc/sightline/{name}.toml",
+                         f"EnvironmentFile=-/etc/default/{folder}", f"StateDirectory={folder}", f"CacheDirectory={folder}"):
                 self.assertIn(line + "\n", service)
 
     def test_unit_is_started_again_for_ever_but_not_with_a_wrong_configuration(self):

@@ -20,7 +20,8 @@ COMPILE = os.environ.get("SIGHTLINE_PACKAGE_COMPILE") == "1"
 LOWER = os.environ.get("SIGHTLINE_PACKAGE_ROOT", "/")
 BUILD_S = 7200 if COMPILE else 900
 # What dpkg, ldconfig and man keep of any package.
-KEPT_BY_DPKG = re.compile(r"^/(var/lib/(dpkg|apt|ucf)|var/log|var/cache/(apt|man|ldconfig|debconf)|etc/ld\.so\.cache|tmp|mnt)(/|$)")
+KEPT_BY_DPKG = re.compile(r"^/(var/lib/(dpkg|apt|ucf)|var/log|var/cache/(apt|man|ldconfig|debconf)|etc/ld\.so\.cache)"
+                          r"(/|$)")
 
 
 def missing():
@@ -59,7 +60,8 @@ class Overlay:
     mount -t proc proc "$1/merged/proc" && mount --bind /dev "$1/merged/dev" && mount -t tmpfs none "$1/merged/tmp" &&
     mount -t tmpfs none "$1/merged/run" &&
     mount --bind "$3" "$1/merged/mnt" &&
-    { [ "$2" = / ] || mount --bind /etc/resolv.conf "$1/merged/etc/resolv.conf" || true; } && echo mounted && exec sleep 3600
+    { [ "$2" = / ] || mount --bind /etc/resolv.conf "$1/merged/etc/resolv.conf" || true; } &&
+    echo mounted && exec sleep 3600
     """
 
     def __init__(self, packages):
@@ -176,6 +178,8 @@ class Packages(unittest.TestCase):
             ln -s private/sightline-b /var/lib/sightline-b
             echo x >/var/lib/private/sightline-b/last_poses_1.csv
             echo x >/var/lib/private/sightline/last_poses_1.csv
+            ln -s private/sightline /var/cache/sightline
+            echo x >/var/lib/private/sightline/proposed_calibration_2.toml
             echo x >/var/cache/private/sightline/views
             sightline record --config /etc/sightline/sightline.toml --seconds 1 /var/lib/sightline/monday
             sightlined --version --json | grep -q '"webrtc": true'""", timeout=2 * WAIT_S)

@@ -52,7 +52,8 @@ class Version(unittest.TestCase):
             self.assertEqual(set(said["options"]), {"aravis", "libcamera", "egl", "webrtc", "mqtt", "page"})
         cache = read_text(os.path.join(os.path.dirname(BIN), "CMakeCache.txt"))
         found = dict(re.findall(r"(?m)^(\w+):\w+=(.*)$", cache))
-        for option, name in (("aravis", "ARAVIS"), ("libcamera", "LIBCAMERA"), ("egl", "EGL"), ("webrtc", "GSTREAMER_WEBRTC")):
+        for option, name in (("aravis", "ARAVIS"), ("libcamera", "LIBCAMERA"), ("egl", "EGL"),
+                             ("webrtc", "GSTREAMER_WEBRTC")):
             self.assertEqual(said["options"][option], found.get(name + "_FOUND") == "1", option)
         self.assertEqual(said["build"]["type"], found["CMAKE_BUILD_TYPE"])
 
@@ -97,8 +98,8 @@ class Completion(unittest.TestCase):
     def complete(self, *words):
         script = ('source "$1"; shift; COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _sightline; '
                   'printf "%s\\n" "${COMPREPLY[@]}"')
-        done = subprocess.run(["bash", "-c", script, "bash", os.path.join(ROOT, "docs", "sightline.bash-completion"), *words],
-                              capture_output=True, text=True, timeout=WAIT_S, check=True, cwd=ROOT,
+        source = os.path.join(ROOT, "docs", "sightline.bash-completion")
+        done = subprocess.run(["bash", "-c", script, "bash", source, *words], capture_output=True, text=True, timeout=WAIT_S, check=True, cwd=ROOT,
                               env=dict(os.environ, PATH=BIN + ":" + os.environ["PATH"]))
         return done.stdout.split()
 
