@@ -19,8 +19,8 @@ from support import BIN, ROOT, WAIT_S, read_text
 COMPILE = os.environ.get("SIGHTLINE_PACKAGE_COMPILE") == "1"
 LOWER = os.environ.get("SIGHTLINE_PACKAGE_ROOT", "/")
 BUILD_S = 7200 if COMPILE else 900
-# What dpkg, ldconfig and man keep of any package.
-KEPT_BY_DPKG = re.compile(r"^/(var/lib/(dpkg|apt|ucf)|var/log|var/cache/(apt|man|ldconfig|debconf)|etc/ld\.so\.cache)"
+# What dpkg, ldconfig and man keep of any package, and fontconfig for root; the service may not write there.
+KEPT_BY_DPKG = re.compile(r"^/(var/lib/(dpkg|apt|ucf)|var/log|var/cache/(apt|man|ldconfig|debconf|fontconfig)|etc/ld\.so\.cache)"
                           r"(/|$)")
 
 
@@ -154,6 +154,7 @@ class Packages(unittest.TestCase):
             self.skipTest("no overlay may be mounted here")
         if LOWER != "/":  # what it depends on stays, so that only its own trace is judged
             root.run("apt-get", "update", timeout=4 * WAIT_S)
+            root.run("apt-get", "install", "--yes", "--no-install-recommends", "curl", timeout=4 * WAIT_S)
             root.install(self.packages["sightline"])
             root.run("dpkg", "--purge", "sightline")
         before = root.written()
