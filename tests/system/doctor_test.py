@@ -73,8 +73,8 @@ class Doctor(TemporaryFolder):
         self.assertIn("17 times", throttled[1])
 
     def usb_camera(self, device, kind, subclass="01", speed="480"):
-        for name, text in ((f"{device}/busnum", "1"), (f"{device}/speed", speed), (f"{device}:1.0/bInterfaceClass", kind),
-                           (f"{device}:1.0/bInterfaceSubClass", subclass)):
+        for name, text in ((f"{device}/busnum", "1"), (f"{device}/speed", speed),
+                           (f"{device}:1.0/bInterfaceClass", kind), (f"{device}:1.0/bInterfaceSubClass", subclass)):
             self.put("sys/bus/usb/devices/" + name, text + "\n")
 
     def test_usb_memory_matters_for_usb3_vision_only(self):

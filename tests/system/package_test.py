@@ -20,8 +20,8 @@ COMPILE = os.environ.get("SIGHTLINE_PACKAGE_COMPILE") == "1"
 LOWER = os.environ.get("SIGHTLINE_PACKAGE_ROOT", "/")
 BUILD_S = 7200 if COMPILE else 900
 # What dpkg, ldconfig and man keep of any package, and fontconfig for root; the service may not write there.
-KEPT_BY_DPKG = re.compile(r"^/(var/lib/(dpkg|apt|ucf)|var/log|var/cache/(apt|man|ldconfig|debconf|fontconfig)|etc/ld\.so\.cache)"
-                          r"(/|$)")
+KEPT_BY_DPKG = re.compile(r"^/(var/lib/(dpkg|apt|ucf)|var/log|etc/ld\.so\.cache|"
+                          r"var/cache/(apt|man|ldconfig|debconf|fontconfig))(/|$)")
 
 
 def missing():
