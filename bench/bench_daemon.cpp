@@ -237,9 +237,11 @@ Result<std::unique_ptr<Pipeline>> start_pipeline(const std::shared_ptr<const Foo
   SL_ASSIGN(parts.draw.renderer, CameraRenderer::create(camera, CameraId(0), std::move(objects),
                                                         RayTable::build(model), nullptr, {}));
   SL_ASSIGN(pipeline->pictures, PictureBoard::start(pipeline->registry, pipeline->beats, nullptr));
-  parts.output =
-      StreamOutput::create("bench", encoder_options(*footage), names, std::move(stream), nullptr,
-                           pipeline->pictures->slot("bench"), pipeline->registry);
+  parts.output = StreamOutput::create(
+      "bench", encoder_options(*footage), names, std::move(stream), nullptr,
+      pipeline->pictures->slot("bench"),
+      KindRecorder::start(RecordingKind::kViewing, pipeline->registry, pipeline->beats),
+      pipeline->registry);
   pipeline->board = std::make_shared<TrackBoard>(names.size());
   parts.draw.board = pipeline->board;
   pipeline->worker = CameraWorker::start(std::move(parts), pipeline->registry, pipeline->beats);

@@ -18,7 +18,8 @@ using namespace std::chrono_literals;
 
 namespace {
 
-constexpr Duration kWaitShown = 2s;  // shorter waits are part of the work
+constexpr Duration kForRecordings = 400ms;  // to finish them, at the end
+constexpr Duration kWaitShown = 2s;         // shorter waits are part of the work
 
 // Whatever a library throws over a strange file ends here.
 template <typename Function>
@@ -49,6 +50,7 @@ Daemon::Daemon(const DaemonOptions& options, std::shared_ptr<HttpWaker> waker)
                std::make_shared<PoseFeed>(registry_, waker_),
                nullptr,
                nullptr,
+               nullptr,
                {},
                options.request_reload} {
   system_.publish(std::make_shared<const System>());
@@ -72,6 +74,7 @@ Result<std::unique_ptr<Daemon>> Daemon::start(Installation installation,
 
 Status Daemon::prepare_web() {
   SL_ASSIGN(context_.pictures, PictureBoard::start(registry_, beats_, waker_));
+  context_.recordings = RecordingDesk::start(registry_, beats_, waker_, context_.taps);
   context_.whep = WhepService::start(options_.serve, beats_, waker_);
   context_.http = web_content({.registry = &registry_,
                                .health = [this] { return health(); },
@@ -81,6 +84,7 @@ Status Daemon::prepare_web() {
                                .request_reload = options_.request_reload,
                                .poses = context_.poses,
                                .pictures = context_.pictures,
+                               .recordings = context_.recordings,
                                .whep = context_.whep,
                                .waker = waker_});
   return {};
@@ -139,6 +143,7 @@ Status Daemon::exchange(const System& old, SystemDraft draft) {
 void Daemon::publish(SystemExchange& exchange, const System& old) {
   const auto next = std::make_shared<System>(exchange.system());
   log::set_level(next->installation.daemon.log_level);
+  if (options_.serve) context_.recordings->configure(next->installation.record);
   system_.publish(next);
   broken_ = false;
   exchange.retire_old();
@@ -199,7 +204,13 @@ Status Daemon::stop(StopLeft* left) {
   const std::lock_guard lock(change_mutex_);
   stopping_ = true;
   StopLeft unsaid;
-  return system_.read()->stop(left != nullptr ? *left : unsaid);
+  StopLeft& all = left != nullptr ? *left : unsaid;
+  Status done = system_.read()->stop(all);
+  for (std::string& what : context_.recordings->stop(kForRecordings)) {
+    all.what.push_back(std::move(what));
+    all.recording = true;
+  }
+  return done;
 }
 
 void Daemon::tell_waits() { wait_report_.tell(waits(), MonotonicClock::now()); }

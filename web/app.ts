@@ -6,6 +6,7 @@ import { byId, make, setText, show } from "./dom";
 import { ObjectCard } from "./objects";
 import { PictureFeed } from "./pictures";
 import { Plot } from "./plot";
+import { RecordingPanel } from "./recordings";
 import { Tile } from "./tiles";
 import { canPlayVideo, VideoFeed } from "./whep";
 
@@ -48,6 +49,7 @@ class Page {
     document.addEventListener("visibilitychange", () => this.watch());
     setInterval(() => this.refresh(), 250);
     this.startTheme();
+    new RecordingPanel((text) => this.tell(text)).start();
   }
 
   private setLink(up: boolean): void {

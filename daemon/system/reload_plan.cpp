@@ -25,7 +25,7 @@ bool another_camera(const std::vector<std::string>& known, const Installation& a
 std::vector<ReloadPlan::Camera> plan_cameras(const Installation& before, const Installation& after,
                                              const InstallationChanges& changes) {
   // Whether frames carry what a recording takes over is decided when a recording is opened.
-  const bool payload = before.record.enabled != after.record.enabled;
+  const bool payload = before.record.directory.empty() != after.record.directory.empty();
   const bool served = before.rtsp.enabled != after.rtsp.enabled;
   std::vector<ReloadPlan::Camera> plan;
   for (size_t i = 0; i < after.cameras.size(); ++i) {
@@ -67,6 +67,7 @@ ReloadPlan plan_reload(const Installation& before, const Installation& after,
   plan.rtsp = changes.rtsp;
   plan.http = changes.http;
   plan.actions = changes.action;
+  plan.mqtt = changes.mqtt;
   return plan;
 }
 

@@ -71,6 +71,7 @@ Status System::stop(StopLeft& left) const {
   if (last_poses && !last_poses->stop_unless_waiting(rest(kForRecording))) {
     left.what.emplace_back("the last poses");
   }
+  if (mqtt && !mqtt->stop_unless_waiting(rest(kForDevices))) left.what.emplace_back("MQTT");
   if (calibration && !calibration->stop_unless_waiting(rest(kForRecording))) {
     left.what.emplace_back("the proposed calibration");
   }

@@ -14,6 +14,7 @@
 #include "workers/frame_taps.hpp"
 #include "workers/fusion_worker.hpp"
 #include "workers/last_pose_keeper.hpp"
+#include "workers/mqtt_worker.hpp"
 #include "workers/virtual_camera_worker.hpp"
 
 namespace sightline {
@@ -44,6 +45,7 @@ struct System {
   std::vector<std::shared_ptr<CameraWorker>> cameras{};  ///< by CameraId
   std::vector<std::shared_ptr<VirtualCameraWorker>> views{};
   std::shared_ptr<ActionWorker> actions{};           ///< null: none are sent
+  std::shared_ptr<MqttWorker> mqtt{};                ///< null: no broker
   std::shared_ptr<CalibrationKeeper> calibration{};  ///< null: nobody watches
   std::shared_ptr<LastPoseKeeper> last_poses{};      ///< null: no object starts where it was last
 

@@ -7,6 +7,7 @@
 #include "sightline/pipeline/calibration_proposal.hpp"
 #include "sightline/pipeline/parallel.hpp"
 #include "sightline/pipeline/rig_parts.hpp"
+#include "workers/object_events.hpp"
 #include "workers/stage_latency.hpp"
 
 namespace sightline {
@@ -31,6 +32,11 @@ Status try_encoder(const Installation& next) {
     return made ? Status() : Status(made.error());
   }
   return {};
+}
+
+bool begins_source(const Installation& installation) {
+  return installation.record.enabled &&
+         RecordConfig::names(installation.record.kinds, RecordingKind::kSource);
 }
 
 void hint_last_poses(const Installation& installation, ObjectSearch& search) {
@@ -73,9 +79,13 @@ Result<SystemDraft> SystemBuilder::prepare(Installation next, std::stop_token st
   SL_RETURN_IF_ERROR(check_not_stopped(stop));
   if (draft.plan.fusion || !old_.fusion) {
     system.board = std::make_shared<TrackBoard>(system.rig->objects.size());
-    const auto hear = [taps = context_.taps, poses = context_.poses](const PoseEstimate& estimate,
-                                                                     FusionWorker::Cause cause) {
+    const auto hear = [taps = context_.taps, poses = context_.poses,
+                       recordings = context_.recordings,
+                       events = std::make_shared<ObjectEvents>(system.rig->names())](
+                          const PoseEstimate& estimate, FusionWorker::Cause cause) {
       poses->push(estimate);
+      events->take(estimate);
+      recordings->push(estimate, cause == FusionWorker::Cause::kFrame);
       if (cause != FusionWorker::Cause::kFrame) return;
       if (const auto recorder = taps->recorder.read()) recorder->push(estimate);
     };
@@ -232,6 +242,10 @@ Result<RecorderOptions> SystemBuilder::recorder_options(const Installation& next
   RecorderOptions options;
   options.directory = next.record.directory;
   options.folder = context_.record_to;
+  // What somebody ordered outlasts a reload.
+  const bool ordered =
+      old_.recorder && old_.recorder->wanted_for_good() && !begins_source(old_.installation);
+  options.wanted = begins_source(next) || ordered;
   RecordingWriterOptions& writer = options.writer;
   writer.name = next.name;
   writer.raw_storage = next.record.raw_storage;

@@ -8,6 +8,7 @@
 #include <stop_token>
 #include <vector>
 
+#include "recording/recording_desk.hpp"
 #include "sightline/pipeline/object_search.hpp"
 #include "sightline/pipeline/source_factory.hpp"
 #include "system/reload_plan.hpp"
@@ -45,6 +46,7 @@ struct SystemContext {
   std::shared_ptr<FrameTaps> taps;
   std::shared_ptr<PoseFeed> poses;
   std::shared_ptr<PictureBoard> pictures;
+  std::shared_ptr<RecordingDesk> recordings;
   std::shared_ptr<WhepService> whep;
   HttpContent http{};
   std::function<void()> request_reload{};  ///< empty: this program does not reload
@@ -66,8 +68,9 @@ class SystemBuilder {
   Result<DrawStage> draw_stage(const System& next, CameraId id) const;
   Result<std::vector<VirtualCameraParts>> view_parts(const System& next) const;
   Result<RecorderOptions> recorder_options(const Installation& next) const;
+  /// It does, or may be told to.
   bool records(const Installation& next) const {
-    return next.record.enabled || !context_.record_to.empty();
+    return !next.record.directory.empty() || !context_.record_to.empty();
   }
 
   const SystemContext& context_;

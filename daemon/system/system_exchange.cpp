@@ -5,6 +5,7 @@
 #include <set>
 
 #include "sightline/pipeline/calibration_proposal.hpp"
+#include "system/system_status.hpp"
 
 namespace sightline {
 namespace {
@@ -83,6 +84,7 @@ Status SystemExchange::switch_over() {
   context_.taps->recorder.publish(next_.recorder);
   start_search();
   start_actions();
+  start_mqtt();
   keep_last_poses();
   watch_calibration();
   return {};
@@ -169,10 +171,8 @@ void SystemExchange::exchange_stages() {
 }
 
 void SystemExchange::rename_poses() {
-  FeedNames names;
-  for (const RigObject& object : next_.rig->objects) names.objects.push_back(object.named.name);
-  for (const CameraConfig& camera : next_.installation.cameras)
-    names.cameras.push_back(camera.name);
+  FeedNames names = feed_names(next_);
+  context_.recordings->rename(names);
   context_.poses->rename(std::move(names));
 }
 
@@ -200,7 +200,7 @@ Result<std::shared_ptr<StreamOutput>> SystemExchange::output_of(const std::strin
   SL_ASSIGN(auto stream, add_stream(name, options));
   return StreamOutput::create(name, options, next_.rig->names(), std::move(stream),
                               context_.whep->stream(name), context_.pictures->slot(name),
-                              context_.registry);
+                              context_.recordings->viewing(), context_.registry);
 }
 
 // Of workers that go on, to a server that is another now.
@@ -291,6 +291,13 @@ void SystemExchange::start_actions() {
   if (!draft_.plan.actions) return;
   if (old_.actions) old_.actions->stop();
   next_.actions = ActionWorker::start(next_.installation.action, context_.registry, context_.beats);
+}
+
+void SystemExchange::start_mqtt() {
+  if (!draft_.plan.mqtt) return;
+  if (old_.mqtt) (void)old_.mqtt->stop_unless_waiting(std::chrono::seconds(1));
+  next_.mqtt =
+      MqttWorker::start(next_.installation.mqtt, context_.poses, context_.registry, context_.beats);
 }
 
 void SystemExchange::retire_old() {

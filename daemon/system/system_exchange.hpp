@@ -47,6 +47,7 @@ class SystemExchange {
   Status start_views();
   void start_search();
   void start_actions();
+  void start_mqtt();
   void keep_last_poses();
   void watch_calibration();
   /// The stream that a worker of this name had, if its images are of the same size and rate.

@@ -3,25 +3,18 @@
 
 #include <algorithm>
 #include <cmath>
-#include <ctime>
 #include <nlohmann/json.hpp>
 
+#include "sightline/base/files.hpp"
+#include "sightline/calibrate/calibration_file.hpp"
 #include "web/calibration_json.hpp"
 #include "web/pose_json.hpp"
+#include "web/utc_text.hpp"
 
 namespace sightline {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-std::string utc_text(int64_t utc_ns) {
-  const auto seconds = static_cast<time_t>(utc_ns / 1'000'000'000);
-  std::tm parts{};
-  gmtime_r(&seconds, &parts);
-  char text[32];
-  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &parts);
-  return text;
-}
 
 Json camera_json(const CameraWorker& camera) {
   const CameraStatus status = camera.status();
@@ -197,7 +190,16 @@ std::string state_json(const System& system, const ConfigReport& config,
             {"utc_ns", utc_now_ns()},
             {"config", config_json(config)},
             {"webrtc", has_webrtc(system)}};
-  if (system.recorder) json["recording"] = recording_json(system.recorder->status());
+  if (system.recorder && system.recorder->wanted()) {
+    json["recording"] = recording_json(system.recorder->status());
+  }
+  if (system.mqtt) {
+    const MqttStatus mqtt = system.mqtt->status();
+    json["mqtt"] = {
+        {"broker", fmt::format("{}:{}", system.mqtt->options().host, system.mqtt->options().port)},
+        {"connected", mqtt.connected}};
+    if (!mqtt.problem.empty()) json["mqtt"]["problem"] = mqtt.problem;
+  }
   for (const ThreadWait& wait : waits) json["waiting"].push_back(wait_json(wait));
   json["cameras"] = cameras_array(system);
   json["virtual_cameras"] = views_array(system);
@@ -222,12 +224,22 @@ std::optional<std::string> object_json(const System& system, const std::string& 
   return std::nullopt;
 }
 
+FeedNames feed_names(const System& system) {
+  FeedNames names;
+  std::vector<CalibratedCamera> calibration;
+  for (const CameraConfig& camera : system.installation.cameras) {
+    names.cameras.push_back(camera.name);
+    calibration.push_back(camera.calibration);
+  }
+  for (const RigObject& object : system.rig->objects) names.objects.push_back(object.named.name);
+  names.calibration = fmt::format("{:016x}", content_hash(format_calibration(calibration)));
+  return names;
+}
+
 std::string poses_json(const System& system) {
   std::vector<PoseTrackPtr> tracks;
   if (system.board) system.board->read(tracks);
-  FeedNames names;
-  for (const auto& camera : system.cameras) names.cameras.push_back(camera->name());
-  for (const RigObject& object : system.rig->objects) names.objects.push_back(object.named.name);
+  const FeedNames names = feed_names(system);
   std::string text = "[";
   for (size_t i = 0; i < tracks.size(); ++i) {
     PoseEstimate estimate;

@@ -8,6 +8,7 @@
 #include "heartbeat.hpp"
 #include "system/config_report.hpp"
 #include "system/system.hpp"
+#include "web/pose_feed.hpp"
 
 namespace sightline {
 
@@ -26,6 +27,8 @@ std::string objects_json(const System& system);
 /// One of them; nullopt where none has that name.
 std::optional<std::string> camera_json(const System& system, const std::string& name);
 std::optional<std::string> object_json(const System& system, const std::string& name);
+/// What ids mean, by the installation; the rig has been loaded.
+FeedNames feed_names(const System& system);
 /// The newest estimate of every object.
 std::string poses_json(const System& system);
 

@@ -155,6 +155,17 @@ void add_streams(const WebSources& s, HttpContent& content) {
   };
 }
 
+void add_recordings(const std::shared_ptr<RecordingDesk>& desk, HttpContent& content) {
+  content.recordings_json = [desk] { return desk->json(); };
+  content.start_recording = [desk](const RecordingOrder& order) { return desk->begin(order); };
+  content.stop_recording = [desk](const RecordingOrder& order) { return desk->end(order); };
+  content.mark_recording = [desk](const std::string& text) { return desk->mark(text); };
+  content.recording_file = [desk](const std::string& name, const std::string& file,
+                                  const std::string& range) {
+    return desk->file(name, file, range);
+  };
+}
+
 }  // namespace
 
 HttpContent web_content(WebSources sources) {
@@ -166,6 +177,7 @@ HttpContent web_content(WebSources sources) {
   add_lists(sources, content);
   add_orders(sources, content);
   add_streams(sources, content);
+  add_recordings(sources.recordings, content);
   return content;
 }
 

@@ -74,8 +74,19 @@ void PoseFeed::push(const PoseEstimate& estimate) {
     std::lock_guard lock(mutex_);
     ring_[pushed_ % kKept] = {estimate, std::move(names)};
     ++pushed_;
+    for (const auto& waker : more_wakers_) waker->wake();
   }
   if (waker_) waker_->wake();
+}
+
+void PoseFeed::add_waker(std::shared_ptr<HttpWaker> waker) {
+  const std::lock_guard lock(mutex_);
+  more_wakers_.push_back(std::move(waker));
+}
+
+void PoseFeed::remove_waker(const std::shared_ptr<HttpWaker>& waker) {
+  const std::lock_guard lock(mutex_);
+  std::erase(more_wakers_, waker);
 }
 
 PoseFeed::Reader::Reader(std::shared_ptr<PoseFeed> feed) : feed_(std::move(feed)) {

@@ -20,6 +20,7 @@ namespace sightline {
 /// Names of a running system's objects and cameras, by id.
 struct FeedNames {
   std::vector<std::string> objects, cameras;
+  std::string calibration;  ///< hash of what is in force: another one, another world
 };
 
 /// The newest estimates on their way to clients: the estimator adds, each client reads at its own
@@ -33,6 +34,9 @@ class PoseFeed {
   void rename(FeedNames names) {
     names_.publish(std::make_shared<const FeedNames>(std::move(names)));
   }
+  /// Is woken with every estimate, too.
+  void add_waker(std::shared_ptr<HttpWaker> waker);
+  void remove_waker(const std::shared_ptr<HttpWaker>& waker);
   /// On the estimator's thread; never waits, costs nothing without clients.
   void push(const PoseEstimate& estimate);
 
@@ -65,8 +69,9 @@ class PoseFeed {
   Snapshot<const FeedNames> names_;
   std::atomic<int> clients_{0};
   std::atomic<uint64_t> pushed_{0};
-  std::mutex mutex_;  // guards ring_
+  std::mutex mutex_;  // guards the two below
   std::array<Entry, kKept> ring_;
+  std::vector<std::shared_ptr<HttpWaker>> more_wakers_;
 };
 
 /// A client's server-sent events (docs/api.md): poses as they are estimated, and with `state_json`

@@ -49,6 +49,8 @@ std::string pose_event_json(const PoseEstimate& estimate, const FeedNames& names
   Json json{{"object", index < names.objects.size() ? names.objects[index] : ""}};
   json["t_ns"] = to_ns(estimate.time);  // also of states without a pose
   json["utc_ns"] = utc_ns_of(estimate.time);
+  json["age_s"] = to_seconds(MonotonicClock::now() - estimate.time);
+  json["calibration"] = names.calibration;
   add_estimate(estimate, names.cameras, json);
   if (has_pose(estimate.state)) {
     const Matrix6 covariance = estimate.pose_covariance();

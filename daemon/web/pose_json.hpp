@@ -15,7 +15,8 @@ namespace sightline {
 void add_estimate(const PoseEstimate& estimate, std::span<const std::string> camera_names,
                   nlohmann::ordered_json& json);
 
-/// One "pose" event, on one line: the object's name, the estimate and its covariance.
+/// One "pose" event, on one line: the object's name, its age now, the
+/// calibration, the estimate and its covariance.
 std::string pose_event_json(const PoseEstimate& estimate, const FeedNames& names);
 
 }  // namespace sightline

@@ -2,10 +2,10 @@
 #include "workers/camera_worker.hpp"
 
 #include <algorithm>
-#include <condition_variable>
 
 #include "sightline/base/log.hpp"
 #include "workers/stage_latency.hpp"
+#include "workers/wait_to_reopen.hpp"
 
 namespace sightline {
 
@@ -16,23 +16,6 @@ namespace {
 constexpr Duration kTurn = 200ms;     // longest wait of a thread without a look at its stop token
 constexpr Duration kStallLimit = 5s;  // a thread silent for longer is hung
 constexpr Duration kNoSignalPeriod = 500ms;  // between images while there is no signal
-
-void sleep_unless_stopped(std::stop_token stop, Duration duration) {
-  std::mutex mutex;
-  std::condition_variable_any never;
-  std::unique_lock lock(mutex);
-  never.wait_for(lock, stop, duration, [] { return false; });
-}
-
-// Waiting for a camera is progress.
-void wait_to_reopen(std::stop_token stop, Heartbeat& heartbeat, Backoff& backoff) {
-  const Time end = MonotonicClock::now() + backoff.next();
-  for (Time now = MonotonicClock::now(); now < end && !stop.stop_requested();
-       now = MonotonicClock::now()) {
-    heartbeat.beat();
-    sleep_unless_stopped(stop, std::min<Duration>(end - now, kTurn));
-  }
-}
 
 // For the labels: a pose may be right and still lie beside the object in this camera's picture.
 std::string_view notice_of(const DrawStage& stage) {
@@ -199,7 +182,9 @@ void CameraWorker::note_problem(const char* cause, const Error& error) {
   present_gauge_.set(0);
   std::lock_guard lock(mutex_);
   // The same words again and again would fill the journal.
-  if (problem != problem_) log::warning("{}: {}", parts_.name, problem);
+  if (problem != problem_) {
+    log::warning({.camera = parts_.name, .cause = cause}, "{}: {}", parts_.name, problem);
+  }
   problem_ = problem;
   open_ = false;
   rate_.set(0);
@@ -209,7 +194,7 @@ void CameraWorker::note_signal() {
   present_gauge_.set(1);
   std::lock_guard lock(mutex_);
   if (problem_.empty()) return;
-  log::info("{}: signal is back", parts_.name);
+  log::info({.camera = parts_.name}, "{}: signal is back", parts_.name);
   problem_.clear();
 }
 
@@ -223,13 +208,13 @@ std::unique_ptr<FrameSource> CameraWorker::open_or_wait(std::stop_token stop, He
     signal_.source_open(MonotonicClock::now());
     std::lock_guard lock(mutex_);
     open_ = true;
-    if (problem_.empty()) log::info("{}: source open", parts_.name);
+    if (problem_.empty()) log::info({.camera = parts_.name}, "{}: source open", parts_.name);
     return *std::move(opened);
   }
   if (stop.stop_requested()) return nullptr;  // given up for that
   signal_.source_gone();
   note_problem(cause_of(opened.error(), "absent"), opened.error());
-  wait_to_reopen(stop, heartbeat, backoff);
+  wait_to_reopen(stop, heartbeat, backoff, kTurn);
   return nullptr;
 }
 
@@ -279,11 +264,11 @@ void CameraWorker::capture_from(std::unique_ptr<FrameSource>& source, std::stop_
     const auto step = take(*source, stop);
     if (!step) {
       lose_source(source, step.error());
-      wait_to_reopen(stop, heartbeat, backoff);
+      wait_to_reopen(stop, heartbeat, backoff, kTurn);
       continue;
     }
     if (step->kind == SourceStep::Kind::kEnd) {
-      log::info("{}: end of the recording", parts_.name);
+      log::info({.camera = parts_.name}, "{}: end of the recording", parts_.name);
       std::lock_guard lock(mutex_);
       ended_ = true;
       return;

@@ -114,7 +114,8 @@ void FusionWorker::forget_those_named() {
     counters.state->set(static_cast<double>(TrackState::kSearching));
     for (Gauge* reason : counters.degraded_reasons) reason->set(0);
     tell_of_silence(object);
-    log::info("{}: forgotten", reason_logs_[object.index()].object);
+    log::info({.object = reason_logs_[object.index()].object, .cause = "order"}, "{}: forgotten",
+              reason_logs_[object.index()].object);
   }
 }
 
@@ -176,7 +177,7 @@ void FusionWorker::log_reasons(const PoseEstimate& estimate, ReasonLog& log) {
     text += fmt::format("; rotation weakest about ({:.2f}, {:.2f}, {:.2f})", axis.x(), axis.y(),
                         axis.z());
   }
-  log::info("{}: degraded: {}", log.object, text);
+  log::info({.object = log.object, .cause = "degraded"}, "{}: degraded: {}", log.object, text);
 }
 
 void FusionWorker::take(const Observation& observation, LatencyHistogram* latency) {

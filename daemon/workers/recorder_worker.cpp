@@ -2,8 +2,8 @@
 #include "workers/recorder_worker.hpp"
 
 #include <algorithm>
-#include <ctime>
 
+#include "recording/recordings_folder.hpp"
 #include "sightline/base/log.hpp"
 
 namespace sightline {
@@ -14,8 +14,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr size_t kMaxQueuedBytes = size_t{256} << 20;
-constexpr uintmax_t kMinFreeBytes = uintmax_t{64} << 20;  // a recording does not start with less
-constexpr Duration kFirstWait = 2s, kMaxWait = 60s;       // between attempts to record
+constexpr Duration kFirstWait = 2s, kMaxWait = 60s;  // between attempts to record
 constexpr Duration kTurn = 250ms;
 constexpr Duration kLastWrites = 1s;   // for what is queued at the end
 constexpr Duration kStallLimit = 10s;  // besides what it waits for the disk
@@ -26,13 +25,6 @@ size_t bytes_of(const Frame& frame) {
   const auto pixels =
       static_cast<size_t>(frame.info().width) * static_cast<size_t>(frame.info().height);
   return std::max(frame.payload().bytes.size(), pixels * 3 / 2);
-}
-
-Error folder_error(const fs::path& folder, const std::error_code& fault) {
-  return make_error(ErrorCode::kIo, folder.string(),
-                    "recordings cannot be written there: {}; give the daemon's user the right to "
-                    "it, or choose another record.directory",
-                    fault.message());
 }
 
 }  // namespace
@@ -50,6 +42,7 @@ Result<std::unique_ptr<RecorderWorker>> RecorderWorker::start(RecorderOptions op
 
 RecorderWorker::RecorderWorker(RecorderOptions options, Registry& registry)
     : options_(std::move(options)),
+      wanted_(options_.wanted || !options_.folder.empty()),
       dropped_(registry.counter("sightline_record_dropped_total",
                                 "Frames and poses that the disk had no time for")),
       written_(registry.counter("sightline_record_frames_total", "Frames written")),
@@ -82,38 +75,15 @@ void RecorderWorker::push(const PoseEstimate& estimate) {
   if (writing_) push_entry({nullptr, estimate});
 }
 
-fs::path RecorderWorker::new_folder() const {
-  const auto now = static_cast<time_t>(utc_now_ns() / 1'000'000'000);
-  std::tm parts{};
-  gmtime_r(&now, &parts);
-  char text[32];
-  std::strftime(text, sizeof text, "%Y%m%dT%H%M%SZ", &parts);
-  fs::path folder = options_.directory / text;
-  std::error_code ignored;
-  for (int i = 2; fs::exists(folder, ignored); ++i) {
-    folder = options_.directory / fmt::format("{}-{}", text, i);
-  }
-  return folder;
-}
-
-// A disk that is all but full would give one stump of a recording after the other.
-Status RecorderWorker::check_space() const {
-  std::error_code fault;
-  const fs::space_info space = fs::space(options_.directory, fault);
-  if (fault) return folder_error(options_.directory, fault);
-  if (space.available >= kMinFreeBytes) return {};
-  return make_error(ErrorCode::kIo, options_.directory.string(),
-                    "the disk is full: {} MiB are free, a recording starts when {} are",
-                    space.available >> 20, kMinFreeBytes >> 20);
-}
-
 Status RecorderWorker::open() {
   const Waiting wait("the disk");
-  if (retries()) SL_RETURN_IF_ERROR(check_space());
-  const fs::path folder = retries() ? new_folder() : options_.folder;
+  if (retries()) SL_RETURN_IF_ERROR(check_recording_space(options_.directory));
+  const fs::path folder = retries()
+                              ? new_recording_folder(options_.directory, RecordingKind::kSource)
+                              : options_.folder;
   std::error_code fault;
   const bool was_there = fs::exists(folder, fault);
-  if (fault) return folder_error(folder, fault);
+  if (fault) return recording_folder_error(folder, fault);
   auto writer = RecordingWriter::create(folder, options_.writer);
   if (!writer) {
     if (!was_there) fs::remove_all(folder, fault);
@@ -123,10 +93,12 @@ Status RecorderWorker::open() {
   log::info("recording to {}", folder.string());
   show(true, false);
   opened_ = MonotonicClock::now();
+  written_here_ = 0;
   writing_ = true;
   std::lock_guard lock(mutex_);
   status_ = {};
   folder_ = folder;
+  since_utc_ns_ = utc_now_ns();
   return {};
 }
 
@@ -135,6 +107,7 @@ Status RecorderWorker::write(const Entry& entry) {
     queued_bytes_ -= bytes_of(*entry.frame);
     if (!writer_) return {};
     written_.add();
+    ++written_here_;
     return writer_->append(*entry.frame);
   }
   const PoseEstimate& estimate = entry.estimate;
@@ -154,7 +127,9 @@ void RecorderWorker::fail(const Error& error) {
   if (empty && retries()) remove_folder();
   std::lock_guard lock(mutex_);
   // The same words again and again would fill the journal.
-  if (said_ != error.message()) log::error("recording stopped: {}", error.message());
+  if (said_ != error.message()) {
+    log::error({.cause = "disk"}, "recording stopped: {}", error.message());
+  }
   said_ = error.message();
   status_ = error;
   folder_.clear();
@@ -180,18 +155,18 @@ bool RecorderWorker::take(const std::stop_token& stop, Duration timeout, bool ke
 
 void RecorderWorker::wait_to_open(const std::stop_token& stop, Heartbeat& heartbeat) {
   const Time end = MonotonicClock::now() + wait_;
-  while (MonotonicClock::now() < end && !stop.stop_requested()) {
+  while (MonotonicClock::now() < end && !stop.stop_requested() && wanted()) {
     heartbeat.beat();
     show(false, !status().problem.empty());
     take(stop, kTurn, false);
   }
-  if (stop.stop_requested() || !retries()) return;
+  if (stop.stop_requested() || !retries() || !wanted()) return;
   const Status opened = open();
   if (!opened) fail(opened.error());
 }
 
 void RecorderWorker::write_queued(const std::stop_token& stop, Heartbeat& heartbeat) {
-  while (writer_ && !stop.stop_requested()) {
+  while (writer_ && !stop.stop_requested() && wanted()) {
     heartbeat.beat();
     show(true, false);
     // One that lasts was worth the attempt; one that breaks off at once is tried ever more seldom.
@@ -205,9 +180,41 @@ void RecorderWorker::write_queued(const std::stop_token& stop, Heartbeat& heartb
   }
 }
 
+void RecorderWorker::rest(const std::stop_token& stop, Heartbeat& heartbeat) {
+  close();
+  show(false, false);
+  wait_ = {};
+  {
+    std::lock_guard lock(mutex_);
+    if (!folder_.empty()) log::info("recording {} is finished", folder_.string());
+    folder_.clear();
+    status_ = {};
+    said_.clear();
+  }
+  while (!wanted() && !stop.stop_requested()) {
+    heartbeat.beat();
+    take(stop, kTurn, false);
+  }
+}
+
+void RecorderWorker::begin(std::optional<Duration> for_at_most) {
+  if (!for_at_most) {
+    wanted_ = true;
+  } else {
+    until_ = std::max(until_.load(), MonotonicClock::now() + *for_at_most);
+  }
+}
+
+void RecorderWorker::end() {
+  wanted_ = false;
+  until_ = Time{};
+}
+
 void RecorderWorker::run(std::stop_token stop, Heartbeat& heartbeat) {
   while (!stop.stop_requested()) {
-    if (writer_) {
+    if (!wanted()) {
+      rest(stop, heartbeat);
+    } else if (writer_) {
       write_queued(stop, heartbeat);
     } else {
       wait_to_open(stop, heartbeat);
@@ -262,7 +269,7 @@ bool RecorderWorker::stop_unless_waiting(Duration patience) {
 
 RecordingStatus RecorderWorker::status() const {
   std::lock_guard lock(mutex_);
-  return {folder_, status_ ? "" : status_.error().message()};
+  return {folder_, status_ ? "" : status_.error().message(), since_utc_ns_};
 }
 
 }  // namespace sightline

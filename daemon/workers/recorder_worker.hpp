@@ -27,11 +27,13 @@ struct RecorderOptions {
   std::filesystem::path folder;
   RecordingWriterOptions writer;
   std::vector<std::string> objects;  ///< names, by ObjectId
+  bool wanted = true;                ///< begins at once
 };
 
 struct RecordingStatus {
   std::filesystem::path folder;  ///< what is written; empty: nothing
   std::string problem;           ///< why nothing is written; empty: it is, or is about to be
+  int64_t since_utc_ns = 0;      ///< of `folder`
 };
 
 /// The thread that writes recordings ("record"), behind a bounded queue: capture and fuse never
@@ -59,6 +61,16 @@ class RecorderWorker {
   bool stop_unless_waiting(Duration patience);
   RecordingStatus status() const;
 
+  /// Records from now on, until end() or for so long; any thread, never waits. Only where each
+  /// recording makes a folder of its own.
+  void begin(std::optional<Duration> for_at_most);
+  void end();
+  bool wanted() const { return wanted_ || MonotonicClock::now() < until_.load(); }
+  /// begin() without a time, or RecorderOptions::wanted, and no end() since.
+  bool wanted_for_good() const { return wanted_; }
+  uint64_t written() const { return written_here_; }  ///< frames of the newest recording
+  uint64_t dropped() const { return dropped_.value(); }
+
  private:
   struct Entry {
     FramePtr frame;         // null: an estimate
@@ -72,6 +84,7 @@ class RecorderWorker {
   Status check_space() const;
   std::filesystem::path new_folder() const;
   void write_queued(const std::stop_token& stop, Heartbeat& heartbeat);
+  void rest(const std::stop_token& stop, Heartbeat& heartbeat);
   /// Takes one entry out of the queue and writes it, or lets go of it; false if there is none.
   bool take(const std::stop_token& stop, Duration timeout, bool keep);
   Status write(const Entry& entry);
@@ -89,6 +102,9 @@ class RecorderWorker {
   std::unique_ptr<RecordingWriter> writer_;  // null: nothing is written now
   std::atomic<bool> writing_{false};
   std::atomic<bool> leaving_{false};
+  std::atomic<bool> wanted_;
+  std::atomic<Time> until_{Time{}};
+  std::atomic<uint64_t> written_here_{0};
   BoundedQueue<Entry> queue_{512};
   std::atomic<size_t> queued_bytes_{0};  // of the frames in it, which keep their buffers meanwhile
   Counter &dropped_, &written_, &failures_;
@@ -96,9 +112,10 @@ class RecorderWorker {
   Duration wait_{};           // before the next attempt
   Time opened_{};             // the newest recording
   std::string said_;          // why it stopped last, as the log has it
-  mutable std::mutex mutex_;  // guards the two below
+  mutable std::mutex mutex_;  // guards the three below
   Status status_;
   std::filesystem::path folder_;
+  int64_t since_utc_ns_ = 0;
   WatchedThread thread_;
 };
 

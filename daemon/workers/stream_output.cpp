@@ -15,10 +15,11 @@ std::shared_ptr<StreamOutput> StreamOutput::create(std::string camera, EncoderOp
                                                    std::shared_ptr<RtspStream> stream,
                                                    std::shared_ptr<WhepStream> browsers,
                                                    std::shared_ptr<PictureSlot> pictures,
+                                                   std::shared_ptr<KindRecorder> recorder,
                                                    Registry& registry) {
-  std::shared_ptr<StreamOutput> output(new StreamOutput(std::move(camera), std::move(options),
-                                                        std::move(names), std::move(browsers),
-                                                        std::move(pictures), registry));
+  std::shared_ptr<StreamOutput> output(
+      new StreamOutput(std::move(camera), std::move(options), std::move(names), std::move(browsers),
+                       std::move(pictures), std::move(recorder), registry));
   if (output->browsers_) {
     output->browsers_->on_keyframe_wanted([wanted = output->keyframe_wanted_] { *wanted = true; });
     output->browsers_->on_sent(
@@ -45,10 +46,12 @@ void StreamOutput::adopt(std::vector<NamedObject> names,
 
 StreamOutput::StreamOutput(std::string camera, EncoderOptions options,
                            std::vector<NamedObject> names, std::shared_ptr<WhepStream> browsers,
-                           std::shared_ptr<PictureSlot> pictures, Registry& registry)
+                           std::shared_ptr<PictureSlot> pictures,
+                           std::shared_ptr<KindRecorder> recorder, Registry& registry)
     : camera_(std::move(camera)),
       browsers_(std::move(browsers)),
       pictures_(std::move(pictures)),
+      recorder_(std::move(recorder)),
       registry_(registry),
       created_(std::move(options)),
       options_(created_),
@@ -83,21 +86,30 @@ std::string StreamOutput::encoder_name() const {
 
 bool StreamOutput::make_encoder() {
   if (MonotonicClock::now() < retry_at_) return false;
-  auto made = VideoEncoder::create(options_, camera_,
-                                   [stream = stream_, browsers = browsers_, bytes = &bytes_,
-                                    latency = encoded_latency_](EncodedPacket packet) {
-                                     bytes->add(packet.bytes->size());
-                                     observe_age(*latency, packet.capture);
-                                     stream->read()->push(packet);
-                                     if (browsers) browsers->push(packet);
-                                   });
+  const auto hand_out =
+      [stream = stream_, browsers = browsers_, recorder = recorder_, packets = packets_,
+       bytes = &bytes_, latency = encoded_latency_,
+       view = ViewPacket{camera_, options_.width, options_.height, options_.rate_hz, 0, {}}](
+          EncodedPacket packet) {
+        bytes->add(packet.bytes->size());
+        observe_age(*latency, packet.capture);
+        stream->read()->push(packet);
+        if (browsers) browsers->push(packet);
+        const uint64_t number = ++*packets;
+        if (!recorder->wants()) return;
+        ViewPacket recorded = view;
+        recorded.number = number;
+        recorded.packet = std::move(packet);
+        recorder->push(std::move(recorded));
+      };
+  auto made = VideoEncoder::create(options_, camera_, hand_out);
   if (!made) {
-    log::error("{}: {}", camera_, made.error().message());
+    log::error({.camera = camera_, .cause = "encoder"}, "{}: {}", camera_, made.error().message());
     retry_at_ = MonotonicClock::now() + 5s;
     return false;
   }
   const std::string& name = (*made)->encoder_name();
-  log::info("{}: encoding with {}", camera_, name);
+  log::info({.camera = camera_}, "{}: encoding with {}", camera_, name);
   in_use_ = &registry_.gauge("sightline_encoder", "1 for the encoder that is in use",
                              {{"camera", camera_}, {"encoder", name}});
   in_use_->set(1);
@@ -110,10 +122,14 @@ bool StreamOutput::make_encoder() {
 void StreamOutput::accept(const AnnotatedImage& image) {
   pictures_->offer(PictureKind::kAnnotated, image.image, image.frame);
   if (!video_wanted()) return;
+  // A recording begins with a key frame.
+  const uint64_t begun = recorder_->begun();
+  if (std::exchange(recordings_seen_, begun) != begun) *keyframe_wanted_ = true;
   auto current = encoder();
   if (current) {
     if (const auto failure = current->failure()) {
-      log::error("{}: encoder lost: {}", camera_, failure->message());
+      log::error({.camera = camera_, .cause = "encoder"}, "{}: encoder lost: {}", camera_,
+                 failure->message());
       close();
       retry_at_ = MonotonicClock::now() + 1s;
       current.reset();

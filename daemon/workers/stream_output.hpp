@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "recording/kind_recorder.hpp"
 #include "sightline/base/counters.hpp"
 #include "sightline/base/snapshot.hpp"
 #include "sightline/model/seams.hpp"
@@ -29,6 +30,7 @@ class StreamOutput : public ImageSink {
                                               std::shared_ptr<RtspStream> stream,
                                               std::shared_ptr<WhepStream> browsers,
                                               std::shared_ptr<PictureSlot> pictures,
+                                              std::shared_ptr<KindRecorder> recorder,
                                               Registry& registry);
   ~StreamOutput() override;
 
@@ -63,9 +65,9 @@ class StreamOutput : public ImageSink {
  private:
   StreamOutput(std::string camera, EncoderOptions options, std::vector<NamedObject> names,
                std::shared_ptr<WhepStream> browsers, std::shared_ptr<PictureSlot> pictures,
-               Registry& registry);
+               std::shared_ptr<KindRecorder> recorder, Registry& registry);
   bool video_wanted() const {
-    return stream_->read()->wanted() || (browsers_ && browsers_->wanted());
+    return stream_->read()->wanted() || (browsers_ && browsers_->wanted()) || recorder_->wants();
   }
   std::shared_ptr<VideoEncoder> encoder() const;
   bool make_encoder();
@@ -73,6 +75,8 @@ class StreamOutput : public ImageSink {
   const std::string camera_;
   const std::shared_ptr<WhepStream> browsers_;  // null: no WebRTC
   const std::shared_ptr<PictureSlot> pictures_;
+  const std::shared_ptr<KindRecorder> recorder_;
+  uint64_t recordings_seen_ = 0;  // of recorder_->begun(), the drawing thread's
   Registry& registry_;
   const EncoderOptions created_;
   EncoderOptions options_;  // in force; the drawing thread's
@@ -89,6 +93,9 @@ class StreamOutput : public ImageSink {
   uint64_t unsent_counted_ = 0, unsent_to_browsers_ = 0;
   std::shared_ptr<RtspStream> counted_stream_;  // that `unsent_counted_` belongs to
   Time retry_at_{};                             // after a failed encoder
+
+  // Packets so far, also of encoders that have gone: what tells the recorder of a gap.
+  std::shared_ptr<std::atomic<uint64_t>> packets_ = std::make_shared<std::atomic<uint64_t>>(0);
 
   // Set on GStreamer threads, also after this object has gone, hence shared. The encoder itself is
   // only ever touched by the drawing thread, so it cannot be destroyed on one of its own threads.

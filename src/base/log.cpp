@@ -8,12 +8,14 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <cerrno>
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
 #include <mutex>
 #include <string>
 
+#include "base/journal.hpp"
 #include "base/line_writer.hpp"
 #include "sightline/base/log_output.hpp"
 
@@ -144,7 +146,14 @@ void set_level(Level level) {
 
 Level level() { return current_level; }
 
-void write(Level line_level, std::string_view line) {
+void write(Level line_level, std::string_view line, const Fields& fields) {
+  if (!logger().should_log(to_spdlog(line_level))) return;
+  static const auto journal = base::JournalSocket::open(STDERR_FILENO);
+  // One that does not take it now may take the line, which is kept for it.
+  if (journal && journal->send(base::journal_message(line_level, line, fields,
+                                                     program_invocation_short_name))) {
+    return;
+  }
   if (under_journal()) {
     logger().log(to_spdlog(line_level), "{}", with_priorities(line_level, line));
   } else {

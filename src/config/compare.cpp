@@ -82,6 +82,7 @@ InstallationChanges compare(const Installation& before, const Installation& afte
   changes.encoder = before.encoder != after.encoder;
   changes.http = before.http != after.http;
   changes.record = before.record != after.record;
+  changes.mqtt = before.mqtt != after.mqtt;
   changes.action = before.action != after.action;
   changes.watch = before.watch != after.watch;
   changes.daemon = before.daemon != after.daemon;
@@ -117,6 +118,7 @@ std::string InstallationChanges::summary() const {
                                                    {encoder, "encoder"},
                                                    {http, "http"},
                                                    {record, "record"},
+                                                   {mqtt, "mqtt"},
                                                    {action, "action"},
                                                    {watch, "watch"},
                                                    {daemon, "daemon"}};

@@ -50,10 +50,10 @@ class InstallationReader {
     config::read_servers(root_, path_, files_, result_);
     section("encoder", result_.encoder);
     read_record();
+    read_publish();
     read_action();
     section("watch", result_.watch);
     section("daemon", result_.daemon);
-    root_.refuse("publish", "publishing poses to other programs comes with a later release");
     root_.finish();
     if (!document_.problems().empty()) return document_.problems().error();
     return std::move(result_);
@@ -82,6 +82,7 @@ class InstallationReader {
   void read_virtual_cameras();
   void read_virtual_camera(TomlTable table);
   void read_record();
+  void read_publish();
   void read_action();
 
   config::TomlDocument& document_;
@@ -395,12 +396,32 @@ void InstallationReader::read_virtual_camera(TomlTable table) {
 
 void InstallationReader::read_record() {
   section("record", result_.record);
-  if (result_.record.enabled && result_.record.directory.empty()) {
+  const bool wanted = result_.record.enabled || !result_.record.on_lost.empty();
+  if (wanted && result_.record.directory.empty()) {
     auto table = root_.table("record");
     if (!table->has("directory")) {
       table->require("directory", "the folder that takes the recordings");
     }
   }
+}
+
+void InstallationReader::read_publish() {
+  auto publish = root_.table("publish");
+  if (!publish) return;
+  if (auto mqtt = publish->table("mqtt")) {
+    SectionReader reader(*mqtt, path_, files_);
+    config::visit(reader, result_.mqtt);
+    const std::string& topic = result_.mqtt.topic;
+    if (topic.empty() || topic.find_first_of("+#") != std::string::npos || topic[0] == '/') {
+      mqtt->problem("topic", "a topic without +, # and a / in front, as in \"site/sightline\"");
+    }
+    if (!mqtt_available() && !result_.mqtt.host.empty()) {
+      mqtt->problem("host", "this program was built without MQTT (libmosquitto)",
+                    ErrorCode::kUnavailable);
+    }
+    mqtt->finish();
+  }
+  publish->finish();
 }
 
 }  // namespace

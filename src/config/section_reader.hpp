@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <map>
 #include <string>
@@ -78,6 +79,31 @@ class SectionReader {
     }
     table_.problem(
         key, fmt::format("\"{}\" is not known{}", value->text, suggestion(value->text, names)));
+  }
+
+  /// A list of choices, each at most once.
+  template <typename Value, size_t kCount>
+  void choices(std::string_view key, std::vector<Value>& field,
+               const Choices<Value, kCount>& known) {
+    const auto list = table_.texts(key);
+    if (!list) return;
+    field.clear();
+    for (const PlacedText& one : *list) {
+      std::vector<std::string> names;
+      const Value* found = nullptr;
+      for (const auto& [name, meaning] : known) {
+        names.emplace_back(name);
+        if (name == one.text) found = &meaning;
+      }
+      if (found == nullptr) {
+        table_.problem(key,
+                       fmt::format("\"{}\" is not known{}", one.text, suggestion(one.text, names)));
+      } else if (std::ranges::find(field, *found) != field.end()) {
+        table_.problem(key, fmt::format("\"{}\" comes twice", one.text));
+      } else {
+        field.push_back(*found);
+      }
+    }
   }
 
   /// A table of numbers and texts.

@@ -30,6 +30,12 @@ inline constexpr Choices<Shading, 2> kShadings{
     {{"flat", Shading::kFlat}, {"smooth", Shading::kSmooth}}};
 inline constexpr Choices<RawStorage, 2> kRawStorages{
     {{"raw", RawStorage::kRaw}, {"ffv1", RawStorage::kFfv1}}};
+inline constexpr Choices<RecordingKind, 3> kRecordingKindNames{
+    {{"viewing", RecordingKind::kViewing},
+     {"source", RecordingKind::kSource},
+     {"poses", RecordingKind::kPoses}}};
+inline constexpr Choices<PoseFiles, 3> kPoseFiles{
+    {{"csv", PoseFiles::kCsv}, {"mcap", PoseFiles::kMcap}, {"both", PoseFiles::kBoth}}};
 
 inline constexpr Choices<RtspTransport, 3> kTransports{
     {{"tcp", RtspTransport::kTcp}, {"udp", RtspTransport::kUdp}, {"auto", RtspTransport::kAuto}}};
@@ -226,6 +232,25 @@ void visit(Visitor& v, RecordConfig& s) {
   v.flag("enabled", s.enabled);
   v.directory("directory", s.directory);
   v.choice("storage", s.raw_storage, kRawStorages);
+  v.choices("kinds", s.kinds, kRecordingKindNames);
+  v.choices("on_lost", s.on_lost, kRecordingKindNames);
+  v.seconds("before", s.before, 0, 60);
+  v.seconds("after", s.after, 1, 3600);
+  v.seconds("segment", s.viewing.segment, 1, 86400);
+  v.integer("segment_bytes", s.viewing.segment_bytes, 1'000'000, int64_t{1} << 40, "bytes");
+  v.choice("poses", s.pose_files, kPoseFiles);
+  v.number("quota_gb", s.quota_gb, 0, 1e6, "gigabytes");
+}
+
+template <typename Visitor>
+void visit(Visitor& v, MqttOptions& s) {
+  v.text("host", s.host);
+  v.integer("port", s.port, 1, 65535, "a port number");
+  v.text("topic", s.topic);
+  v.text("client_id", s.client_id);
+  v.text("user", s.user);
+  v.file("password_file", s.password_file);
+  v.file("ca_file", s.ca_file);
 }
 
 template <typename Visitor>

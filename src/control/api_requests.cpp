@@ -16,6 +16,7 @@ using Json = nlohmann::json;
 
 constexpr int kDeepest = 4;
 constexpr size_t kLongestName = 256;
+constexpr size_t kMostKinds = 8, kLongestMark = 1000;
 constexpr double kFarthestPx = 1e6, kFarthest = 1e6;
 
 Error wrong(std::string text) { return {ErrorCode::kInvalidInput, std::move(text), ""}; }
@@ -152,6 +153,36 @@ Status parse_nothing(std::string_view body) {
   SL_ASSIGN(const Json json, parse_object(body));
   if (!json.empty()) return wrong("the body has to be empty or {}");
   return {};
+}
+
+Result<RecordingOrder> parse_recording_order(std::string_view body, bool may_last) {
+  RecordingOrder order;
+  if (body.empty()) return order;
+  SL_ASSIGN(const Json json, parse_object(body));
+  SL_RETURN_IF_ERROR(may_last ? only_keys(json, {"kinds", "seconds"}) : only_keys(json, {"kinds"}));
+  if (json.contains("seconds")) {
+    SL_ASSIGN(const double seconds, number(json, "seconds", 1, 86400));
+    order.seconds = seconds;
+  }
+  if (!json.contains("kinds")) return order;
+  const Json& kinds = json.at("kinds");
+  const bool good = kinds.is_array() && !kinds.empty() && kinds.size() <= kMostKinds &&
+                    std::ranges::all_of(kinds, [](const Json& kind) { return kind.is_string(); });
+  if (!good) return wrong("\"kinds\" has to be a list of names");
+  order.kinds = kinds.get<std::vector<std::string>>();
+  return order;
+}
+
+Result<std::string> parse_mark(std::string_view body) {
+  if (body.empty()) return std::string();
+  SL_ASSIGN(const Json json, parse_object(body));
+  SL_RETURN_IF_ERROR(only_keys(json, {"text"}));
+  if (!json.contains("text")) return std::string();
+  const Json& text = json.at("text");
+  if (!text.is_string() || text.get_ref<const std::string&>().size() > kLongestMark) {
+    return wrong(fmt::format("\"text\" has to be a text of at most {} bytes", kLongestMark));
+  }
+  return text.get<std::string>();
 }
 
 Result<PictureRequest> parse_pictures(const Query& query) {

@@ -21,6 +21,13 @@ Result<HintRequest> parse_hint(std::string_view body);
 /// A body that has to be empty or {}.
 Status parse_nothing(std::string_view body);
 
+/// Body of an order to record: {"kinds": ["viewing", ...], "seconds": 1 .. 86400}, both optional;
+/// `may_last`: whether "seconds" is known. Which kinds there are is not its affair.
+Result<RecordingOrder> parse_recording_order(std::string_view body, bool may_last);
+
+/// Body of a mark: {"text": "..."}, of at most 1000 bytes.
+Result<std::string> parse_mark(std::string_view body);
+
 /// "camera" (several), "annotated" (0 or 1), "rate_hz" (0.1 .. 240).
 Result<PictureRequest> parse_pictures(const Query& query);
 

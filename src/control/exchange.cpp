@@ -17,6 +17,7 @@ namespace {
 
 constexpr std::string_view kPageRules =
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
+    "media-src 'self'; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
 bool is(const char* a, const char* b) { return strcasecmp(a, b) == 0; }
@@ -201,6 +202,7 @@ std::optional<HttpReply> Exchange::judge_body() const {
 HttpReply Exchange::answer() {
   try {
     request_.query = query_of(connection_);
+    request_.range = header(MHD_HTTP_HEADER_RANGE);
     request_.address = own_address_of(connection_);
     HttpReply reply = match_.route->answer(service_.content, request_, match_.name);
     if (reply.stream && service_.streams >= service_.options.max_streams) {
@@ -228,10 +230,10 @@ MHD_Result Exchange::wait_for(std::function<std::optional<HttpReply>()> later) {
 
 MHD_Result Exchange::send(HttpReply reply) {
   MHD_Response* const response =
-      reply.stream
-          ? make_stream_response(*service_.loop, connection_, reply.stream, service_.streams)
-          : MHD_create_response_from_buffer(reply.body.size(), reply.body.data(),
-                                            MHD_RESPMEM_MUST_COPY);
+      reply.stream ? make_stream_response(*service_.loop, connection_, reply.stream, reply.length,
+                                          service_.streams)
+                   : MHD_create_response_from_buffer(reply.body.size(), reply.body.data(),
+                                                     MHD_RESPMEM_MUST_COPY);
   if (response == nullptr) return MHD_NO;
   add_headers(response, reply);
   const MHD_Result result = MHD_queue_response(connection_, reply.status, response);

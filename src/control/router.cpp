@@ -104,6 +104,28 @@ HttpReply reload(const HttpContent& content, const Request& request, const std::
   return done(request, empty ? content.reload() : empty, 202);
 }
 
+template <bool kStart>
+HttpReply record(const HttpContent& content, const Request& request, const std::string&) {
+  const auto& order = kStart ? content.start_recording : content.stop_recording;
+  if (!order) return missing();
+  const auto wanted = parse_recording_order(request.body, kStart);
+  return done(request, wanted ? order(*wanted) : Status(wanted.error()), 202);
+}
+
+HttpReply mark(const HttpContent& content, const Request& request, const std::string&) {
+  if (!content.mark_recording) return missing();
+  const auto text = parse_mark(request.body);
+  return done(request, text ? content.mark_recording(*text) : Status(text.error()), 202);
+}
+
+HttpReply recording_file(const HttpContent& content, const Request& request,
+                         const std::string& path) {
+  if (!content.recording_file) return missing();
+  const size_t slash = path.find('/');
+  auto made = content.recording_file(path.substr(0, slash), path.substr(slash + 1), request.range);
+  return made ? *std::move(made) : HttpReply::error(made.error());
+}
+
 HttpReply whep_offer(const HttpContent& content, const Request& request, const std::string& name) {
   if (!content.whep_offer) return missing();
   return content.whep_offer({name, request.body, request.address});
@@ -133,6 +155,11 @@ constexpr std::array kRoutes{
     Route{"POST", "/api/v1/objects/{name}/hint", kOperate, hint},
     Route{"POST", "/api/v1/objects/{name}/forget", kOperate, forget},
     Route{"POST", "/api/v1/reload", kOperate, reload},
+    Route{"GET", "/api/v1/recordings", kView, list<&HttpContent::recordings_json>},
+    Route{"POST", "/api/v1/recordings/start", kOperate, record<true>},
+    Route{"POST", "/api/v1/recordings/stop", kOperate, record<false>},
+    Route{"POST", "/api/v1/recordings/mark", kOperate, mark},
+    Route{"GET", "/api/v1/recordings/{path}", kView, recording_file},
     Route{"GET", "/cameras/{name}/stream.mjpeg", kView, pictures<&HttpContent::motion_jpeg>},
     Route{"GET", "/cameras/{name}/snapshot.jpg", kView, pictures<&HttpContent::snapshot>},
     Route{"POST", "/cameras/{name}/whep", kView, whep_offer, "application/sdp"},
@@ -143,21 +170,24 @@ constexpr std::array kRoutes{
     Route{"GET", "/icon.svg", kView, asset},
 };
 
-// The part of the path that stands for "{name}" ("" where there is none); nullopt: another path.
+// The part of the path that stands for "{name}" or "{path}" ("" where there is none); nullopt:
+// another path.
 std::optional<std::string> match_pattern(std::string_view pattern, std::string_view path) {
-  constexpr std::string_view kHole = "{name}";
-  const size_t hole = pattern.find(kHole);
+  const size_t hole = pattern.find('{');
   if (hole == std::string_view::npos) {
     return pattern == path ? std::optional(std::string()) : std::nullopt;
   }
   const std::string_view before = pattern.substr(0, hole);
-  const std::string_view behind = pattern.substr(hole + kHole.size());
+  const size_t end = pattern.find('}', hole);
+  const std::string_view behind = pattern.substr(end + 1);
   if (path.size() <= before.size() + behind.size() || !path.starts_with(before) ||
       !path.ends_with(behind)) {
     return std::nullopt;
   }
   const auto name = path.substr(before.size(), path.size() - before.size() - behind.size());
-  if (name.find('/') != std::string_view::npos) return std::nullopt;
+  const auto slashes = std::ranges::count(name, '/');
+  const bool two = pattern.substr(hole, end - hole + 1) == "{path}";
+  if (slashes != (two ? 1 : 0) || name.starts_with('/') || name.ends_with('/')) return std::nullopt;
   return std::string(name);
 }
 

@@ -17,13 +17,14 @@ struct Request {
   Query query;
   std::string body;
   std::string user;     ///< whose token it came with; empty: nobody's
+  std::string range;    ///< header of that name
   std::string address;  ///< numeric, of this host, as it was reached; "" if that is not known
 };
 
 /// One line of what is served.
 struct Route {
   std::string_view method;   ///< "GET" (HEAD too), "POST" or "DELETE"
-  std::string_view pattern;  ///< "{name}" stands for one part of a path
+  std::string_view pattern;  ///< "{name}" stands for one part of a path, "{path}" for two
   Role role;                 ///< that it takes at least
   HttpReply (*answer)(const HttpContent&, const Request&, const std::string& name);
   std::string_view body = "application/json";  ///< that POST takes

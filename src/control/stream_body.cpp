@@ -70,15 +70,16 @@ ssize_t read_body(void* body, uint64_t, char* to, size_t most) {
 }  // namespace
 
 MHD_Response* make_stream_response(ConnectionLoop& loop, MHD_Connection* connection,
-                                   std::shared_ptr<HttpStream> stream, unsigned& count) {
+                                   std::shared_ptr<HttpStream> stream,
+                                   std::optional<uint64_t> length, unsigned& count) {
   const auto* const info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD);
   (void)::setsockopt(info->connect_fd, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &kUnsent, sizeof kUnsent);
   (void)::setsockopt(info->connect_fd, IPPROTO_TCP, TCP_USER_TIMEOUT, &kPeerGone_ms,
                      sizeof kPeerGone_ms);
   auto body = std::make_unique<StreamBody>(loop, connection, std::move(stream), count);
-  MHD_Response* const response =
-      MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, kBlock, &read_body, body.get(),
-                                        [](void* gone) { delete static_cast<StreamBody*>(gone); });
+  MHD_Response* const response = MHD_create_response_from_callback(
+      length.value_or(MHD_SIZE_UNKNOWN), kBlock, &read_body, body.get(),
+      [](void* gone) { delete static_cast<StreamBody*>(gone); });
   if (response == nullptr) return nullptr;
   (void)body.release();
   // As HTTP/1.0, whose bodies end with the connection. HTTP/1.1 would number the pieces, and the

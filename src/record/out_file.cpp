@@ -55,6 +55,12 @@ Result<int64_t> OutFile::size() const {
   return int64_t{info.st_size};
 }
 
+Status OutFile::truncate(int64_t size) {
+  const Waiting wait(kDisk);
+  if (::ftruncate(fd_.get(), size) != 0) return system_error(path_, "cannot cut off");
+  return {};
+}
+
 Status OutFile::sync() {
   const Waiting wait(kDisk);
   // Pipes and /dev/null cannot be synced, and need not be.

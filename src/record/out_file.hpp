@@ -24,6 +24,8 @@ class OutFile {
   /// Moves to `offset` from the start.
   Status seek(int64_t offset);
   Result<int64_t> size() const;
+  /// Cuts it off after `size` bytes.
+  Status truncate(int64_t size);
   Status sync();
   Status close();
 

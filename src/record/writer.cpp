@@ -7,6 +7,7 @@
 #include "record/manifest.hpp"
 #include "record/media/camera_file.hpp"
 #include "record/object_copy.hpp"
+#include "record/recording_folder.hpp"
 #include "sightline/base/files.hpp"
 #include "sightline/base/log.hpp"
 
@@ -29,18 +30,6 @@ std::string rfc3339(int64_t utc_ns) {
   return fmt::format("{:04}-{:02}-{:02}T{:02}:{:02}:{:02}.{:09}Z", parts.tm_year + 1900,
                      parts.tm_mon + 1, parts.tm_mday, parts.tm_hour, parts.tm_min, parts.tm_sec,
                      utc_ns % 1'000'000'000);
-}
-
-Status make_empty_folder(const fs::path& folder) {
-  std::error_code fault;
-  fs::create_directory(folder, fault);
-  if (fault) {
-    return make_error(ErrorCode::kIo, folder.string(), "cannot make this folder: {}",
-                      fault.message());
-  }
-  if (fs::is_empty(folder, fault) && !fault) return {};
-  return make_error(ErrorCode::kInvalidInput, folder.string(),
-                    "is not empty; recordings are never overwritten, give another folder");
 }
 
 Status check_cameras(const RecordingWriterOptions& options, const std::string& where) {
@@ -237,7 +226,7 @@ Result<std::unique_ptr<RecordingWriter>> RecordingWriter::create(
   // "OUT/" and "OUT" are the same folder.
   const fs::path clean = folder.has_filename() ? folder : folder.parent_path();
   SL_RETURN_IF_ERROR(check_cameras(options, clean.string()));
-  SL_RETURN_IF_ERROR(make_empty_folder(clean));
+  SL_RETURN_IF_ERROR(make_recording_folder(clean));
   SL_ASSIGN(auto rows, OutFile::create(clean / "frames.csv", OutFile::Existing::kRefuse));
   auto writer = std::make_unique<FolderWriter>(clean, options, std::move(rows));
   SL_RETURN_IF_ERROR(writer->start(options));

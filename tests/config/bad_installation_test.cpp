@@ -79,7 +79,10 @@ const BadFile kBadFiles[] = {
     {"actions without a rate", base_with("[action]\ngroup_key = 2\n"), "7:1", "[action] needs"},
     {"actions that nobody waits for", base_with("[action]\nrate = 2\n"), "8:8",
      "no camera waits for action commands"},
-    {"later section", base_with("[publish]\nmqtt = true\n"), "7:1", "later release"},
+    {"broker with a wildcard", base_with("[publish.mqtt]\nhost = \"a\"\ntopic = \"a/#\"\n"), "9:9",
+     "without +"},
+    {"unknown kind", base_with("[record]\nkinds = [\"view\"]\n"), "8:9", "viewing"},
+    {"kind twice", base_with("[record]\nkinds = [\"poses\", \"poses\"]\n"), "8:9", "twice"},
     {"live source",
      "calibration = \"c.toml\"\n[[camera]]\nname = \"left\"\nsource = "
      "\"webcam:0\"\n",

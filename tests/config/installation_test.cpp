@@ -189,7 +189,7 @@ TEST(Installation, TheExamplesCommentedKeysAreTheDefaults) {
   std::istringstream lines(text);
   int uncommented = 0;
   for (std::string line; std::getline(lines, line);) {
-    const bool names_a_file = line.find("font_file") != std::string::npos ||
+    const bool names_a_file = line.find("_file") != std::string::npos ||
                               line.find("directory") != std::string::npos ||
                               line.starts_with("# tokens") || line.starts_with("# certificate") ||
                               line.starts_with("# key =");

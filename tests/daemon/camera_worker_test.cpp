@@ -147,7 +147,7 @@ class CameraWorkerTest : public testing::Test {
     ASSERT_TRUE(pictures);
     pictures_ = *pictures;
     parts.output = StreamOutput::create("cam", encoder, {}, stream_, nullptr,
-                                        pictures_->slot("cam"), registry_);
+                                        pictures_->slot("cam"), recorder_, registry_);
     parts.draw.board = std::make_shared<TrackBoard>(0);
     worker_ = CameraWorker::start(std::move(parts), registry_, beats_);
   }
@@ -172,6 +172,8 @@ class CameraWorkerTest : public testing::Test {
   Registry registry_;
   HeartbeatBoard beats_;
   std::shared_ptr<PictureBoard> pictures_;
+  std::shared_ptr<KindRecorder> recorder_ =
+      KindRecorder::start(RecordingKind::kViewing, registry_, beats_);
   std::shared_ptr<WatchedStream> stream_ = std::make_shared<WatchedStream>();
   std::unique_ptr<CameraWorker> worker_;
 };

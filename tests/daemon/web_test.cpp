@@ -160,7 +160,7 @@ PoseEstimate estimate_at(int64_t number) {
 TEST(PoseFeed, ReadersGoAtTheirOwnPaceAndAreToldWhatTheyMissed) {
   Registry registry;
   const auto feed = std::make_shared<PoseFeed>(registry, nullptr);
-  feed->rename({{"box"}, {"left", "right"}});
+  feed->rename({{"box"}, {"left", "right"}, "abc"});
   feed->push(estimate_at(1));  // nobody reads
   PoseFeed::Reader fast(feed), slow(feed);
   std::vector<PoseFeed::Entry> out;
@@ -181,7 +181,7 @@ TEST(PoseFeed, ReadersGoAtTheirOwnPaceAndAreToldWhatTheyMissed) {
 TEST(PoseFeed, EventsSayThePoseWithNamesAndCovariance) {
   Registry registry;
   const auto feed = std::make_shared<PoseFeed>(registry, nullptr);
-  feed->rename({{"box"}, {"left", "right"}});
+  feed->rename({{"box"}, {"left", "right"}, "abc"});
   const auto stream = make_event_stream(feed, [] { return std::string("{}"); });
   EXPECT_TRUE(stream->ready());
   EXPECT_EQ(*stream->next(), "retry: 1000\n\nevent: state\ndata: {}\n\n");
@@ -192,6 +192,7 @@ TEST(PoseFeed, EventsSayThePoseWithNamesAndCovariance) {
   ASSERT_TRUE(text.starts_with("event: pose\ndata: {"));
   const auto json = nlohmann::json::parse(text.substr(std::string("event: pose\ndata: ").size()));
   EXPECT_EQ(json["object"], "box");
+  EXPECT_EQ(json["calibration"], "abc");
   EXPECT_EQ(json["state"], "tracking");
   EXPECT_EQ(json["cameras"], nlohmann::json({"right"}));
   EXPECT_EQ(json["covariance"].size(), 36u);
@@ -200,13 +201,13 @@ TEST(PoseFeed, EventsSayThePoseWithNamesAndCovariance) {
 TEST(PoseFeed, ManyThreadsPushAndRead) {
   Registry registry;
   const auto feed = std::make_shared<PoseFeed>(registry, nullptr);
-  feed->rename({{"box"}, {"left"}});
+  feed->rename({{"box"}, {"left"}, "abc"});
   const auto stream = make_event_stream(feed, {});
   const std::jthread pushing([&](const std::stop_token& stop) {
     for (int64_t i = 0; !stop.stop_requested(); ++i) feed->push(estimate_at(i));
   });
   const std::jthread renaming([&](const std::stop_token& stop) {
-    while (!stop.stop_requested()) feed->rename({{"box"}, {"left", "right"}});
+    while (!stop.stop_requested()) feed->rename({{"box"}, {"left", "right"}, "abc"});
   });
   size_t bytes = 0;
   for (int i = 0; i < 200; ++i) {

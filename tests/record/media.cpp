@@ -7,7 +7,7 @@
 #include <sstream>
 
 #include "record/media/encoder.hpp"
-#include "record/media/matroska_file.hpp"
+#include "record/media/video_file.hpp"
 #include "sightline/base/files.hpp"
 #include "sightline/image/convert.hpp"
 
@@ -107,7 +107,7 @@ Stream encode_patterns(const std::string& encoder_name, int count, int gop, int 
 
 void write_stream(const fs::path& path, const std::string& codec, const Stream& stream) {
   const auto parameters = make_parameters(av::codec_id(codec), kWidth, kHeight, stream.extradata);
-  auto file = MatroskaFile::create(path, OutFile::Existing::kReplace, *parameters, 10);
+  auto file = VideoFile::create(path, OutFile::Existing::kReplace, *parameters, 10);
   ASSERT_TRUE(file) << file.error().message();
   const av::PacketPtr packet(av_packet_alloc());
   int64_t dts = -200;

@@ -119,6 +119,8 @@ class Description(DaemonCase):
         for path, methods in description["paths"].items():
             if "get" not in methods:
                 continue
+            if path.endswith("{path}"):  # of a recording: there is none
+                continue
             name = "carton" if "objects" in path else "left"
             expected = methods["get"]["responses"]["200"]["content"]
             connection, answer = client.open("GET", path.replace("{name}", name))

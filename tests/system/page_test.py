@@ -133,6 +133,34 @@ class Page(DaemonCase):
         self.live(browser)
         browser.wait_for("document.querySelectorAll('.stale').length === 0", "they are fresh again")
 
+    def test_it_records_marks_and_plays(self):
+        os.mkdir(self.path("recordings"))
+        daemon = self.start(installation(extra=f'[record]\ndirectory = "{self.path("recordings")}"\n'))
+        browser = self.open(daemon, "?theme=light", width=1360)
+        button = "document.querySelector('[data-kind=viewing]')"
+        browser.wait_for(f"/Record viewing/.test({button}?.textContent)", "it offers to record")
+        browser.wait_for(f"!{button}.disabled", "it can")
+        browser.run(f"{button}.click()")
+        browser.wait_for(f"/Stop viewing/.test({button}.textContent)", "it records")
+        browser.wait_for("!document.querySelector('#recordings input').disabled", "it can be marked")
+        browser.run("document.querySelector('#recordings input').value = 'door'")
+        browser.run("document.querySelector('#recordings form').requestSubmit()")
+        browser.wait_for("/marked: door/.test(document.getElementById('events').textContent)", "it is marked")
+        folder = os.path.join(self.path("recordings"), os.listdir(self.path("recordings"))[0])
+        wait_until(lambda: os.path.exists(os.path.join(folder, "marks.csv")), "the mark is written")
+        wait_until(lambda: sum(entry.stat().st_size for entry in os.scandir(folder)) > 1_000_000, "there is something to see")
+        browser.run(f"{button}.click()")
+        browser.wait_for(f"/Record viewing/.test({button}.textContent)", "it has ended")
+        play = "document.querySelector('#recordings [aria-label^=\"Play left-0001\"]')"
+        browser.wait_for(f"{play} !== null", "it is listed")
+        browser.run(f"{play}.click()")
+        video = "document.querySelector('#recordings video')"
+        browser.wait_for(f"{video}.currentTime > 0.5 && {video}.videoWidth === 640", "it plays")
+        self.shot(browser, "recordings", whole=True)
+        self.assertEqual(browser.run(f"{video}.error"), None)
+        browser.run("document.querySelector('#recordings .player button').click()")
+        self.assertEqual(browser.problems, [])
+
     def test_an_operator_points_and_forgets(self):
         daemon = self.start()
         browser = self.open(daemon)

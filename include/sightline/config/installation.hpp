@@ -12,6 +12,7 @@
 #include "sightline/base/result.hpp"
 #include "sightline/capture/aravis/gige_action.hpp"
 #include "sightline/config/camera_config.hpp"
+#include "sightline/config/record_config.hpp"
 #include "sightline/config/scene_config.hpp"
 #include "sightline/config/watch_config.hpp"
 #include "sightline/control/http_server.hpp"
@@ -22,7 +23,7 @@
 #include "sightline/observe/fiducial/fiducial_observer.hpp"
 #include "sightline/observe/scene/background_model.hpp"
 #include "sightline/observe/track/object_tracker.hpp"
-#include "sightline/record/writer.hpp"
+#include "sightline/publish/mqtt.hpp"
 #include "sightline/render/overlay/camera_renderer.hpp"
 #include "sightline/render/overlay/overlay_style.hpp"
 #include "sightline/render/overlay/virtual_camera.hpp"
@@ -90,14 +91,6 @@ struct ActionConfig {
   bool operator==(const ActionConfig&) const = default;
 };
 
-struct RecordConfig {
-  bool enabled = false;
-  std::filesystem::path directory;  ///< each run makes a folder of its own in it
-  RawStorage raw_storage = RawStorage::kRaw;
-
-  bool operator==(const RecordConfig&) const = default;
-};
-
 /// How objects are looked for that nobody knows the place of.
 struct DetectConfig {
   bool enabled = true;
@@ -137,6 +130,7 @@ struct Installation {
   EncoderOptions encoder;  ///< bitrate_kbps, keyframe_interval, prefer; the rest is the camera's
   HttpConfig http;
   RecordConfig record;
+  MqttOptions mqtt;
   ActionConfig action;
   WatchConfig watch;
   DaemonConfig daemon;
@@ -203,7 +197,7 @@ struct InstallationChanges {
   bool surfaces = false;  ///< textures of the meshes, or their creases
   bool observe = false;   ///< options of markers, search, tracking or points
   bool scene = false, render = false, estimator = false, action = false;
-  bool rtsp = false, encoder = false, http = false, record = false, daemon = false;
+  bool rtsp = false, encoder = false, http = false, record = false, mqtt = false, daemon = false;
   bool watch = false;
 
   bool operator==(const InstallationChanges&) const = default;

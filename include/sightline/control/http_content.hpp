@@ -59,6 +59,7 @@ struct HttpReply {
   std::string body;
   std::vector<std::pair<std::string, std::string>> headers{};
   std::shared_ptr<HttpStream> stream{};
+  std::optional<uint64_t> length{};  ///< of `stream`, where it has an end [bytes]
   std::function<std::optional<HttpReply>()> later{};
 
   static HttpReply json(std::string body) { return {200, "application/json", std::move(body)}; }
@@ -89,6 +90,12 @@ struct PictureRequest {
   double max_rate_hz = 0;            ///< of each camera; 0: as they come
 };
 
+/// What of recordings somebody starts or stops.
+struct RecordingOrder {
+  std::vector<std::string> kinds;   ///< empty: as configured, or all that run
+  std::optional<double> seconds{};  ///< then it ends by itself
+};
+
 /// What a browser offers to play a camera by WebRTC (WHEP).
 struct WhepRequest {
   std::string camera;
@@ -111,6 +118,14 @@ struct HttpContent {
   std::function<Status(const std::string& object, const HintRequest&)> hint{};
   std::function<Status(const std::string& object)> forget{};
   std::function<Status()> reload{};  ///< asks for one; how it went is in the state
+
+  std::function<std::string()> recordings_json{};
+  std::function<Status(const RecordingOrder&)> start_recording{}, stop_recording{};
+  std::function<Status(const std::string& text)> mark_recording{};
+  /// One file of a recording; `range` as the client's header has it, or empty.
+  std::function<Result<HttpReply>(const std::string& name, const std::string& file,
+                                  const std::string& range)>
+      recording_file{};
 
   /// Server-sent events; `with_state`: the state once a second beside the poses.
   std::function<std::shared_ptr<HttpStream>(bool with_state)> events{};

@@ -47,7 +47,7 @@ Result<std::unique_ptr<CameraFile>> CameraFile::create(const RecordingWriterCame
 }
 
 Status CameraFile::open_file(const AVCodecParameters& parameters) {
-  SL_ASSIGN(file_, MatroskaFile::create(path_, OutFile::Existing::kRefuse, parameters, 0));
+  SL_ASSIGN(file_, VideoFile::create(path_, OutFile::Existing::kRefuse, parameters, 0));
   return file_->sync();
 }
 

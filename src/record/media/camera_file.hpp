@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "record/media/encoder.hpp"
-#include "record/media/matroska_file.hpp"
+#include "record/media/video_file.hpp"
 #include "sightline/record/writer.hpp"
 
 namespace sightline::record {
@@ -47,7 +47,7 @@ class CameraFile {
   std::string codec_;
   bool needs_keyframe_;
   std::unique_ptr<Encoder> encoder_;  ///< FFV1
-  std::unique_ptr<MatroskaFile> file_;
+  std::unique_ptr<VideoFile> file_;
   std::vector<uint8_t> scratch_;
 };
 

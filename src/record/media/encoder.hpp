@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "record/media/av.hpp"
-#include "record/media/matroska_file.hpp"
+#include "record/media/video_file.hpp"
 
 namespace sightline::record {
 

@@ -45,7 +45,7 @@ void copy_to_frame(const I420View& from, AVFrame& frame) {
 
 class LibavOverlayVideo final : public OverlayVideoWriter {
  public:
-  LibavOverlayVideo(std::unique_ptr<Encoder> encoder, std::unique_ptr<MatroskaFile> file,
+  LibavOverlayVideo(std::unique_ptr<Encoder> encoder, std::unique_ptr<VideoFile> file,
                     const OverlayVideoOptions& options, std::string where)
       : encoder_(std::move(encoder)),
         file_(std::move(file)),
@@ -82,7 +82,7 @@ class LibavOverlayVideo final : public OverlayVideoWriter {
   }
 
   std::unique_ptr<Encoder> encoder_;
-  std::unique_ptr<MatroskaFile> file_;
+  std::unique_ptr<VideoFile> file_;
   const OverlayVideoOptions options_;
   const std::string where_;
   std::optional<Time> start_;
@@ -101,8 +101,8 @@ Result<std::unique_ptr<OverlayVideoWriter>> OverlayVideoWriter::create(
   }
   SL_ASSIGN(const auto settings, choose_encoder(options, where));
   SL_ASSIGN(auto encoder, Encoder::create(settings, where));
-  SL_ASSIGN(auto file, MatroskaFile::create(path, OutFile::Existing::kReplace,
-                                            *encoder->parameters(), options.rate_hz));
+  SL_ASSIGN(auto file, VideoFile::create(path, OutFile::Existing::kReplace, *encoder->parameters(),
+                                         options.rate_hz));
   return std::unique_ptr<OverlayVideoWriter>(
       std::make_unique<LibavOverlayVideo>(std::move(encoder), std::move(file), options, where));
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "record/media/matroska_file.hpp"
+#include "record/media/video_file.hpp"
 
 #include <algorithm>
 #include <cstring>
@@ -43,26 +43,27 @@ ParametersPtr make_parameters(AVCodecID codec, int width, int height,
   return parameters;
 }
 
-Result<std::unique_ptr<MatroskaFile>> MatroskaFile::create(const std::filesystem::path& path,
-                                                           OutFile::Existing existing,
-                                                           const AVCodecParameters& parameters,
-                                                           double rate_hz) {
+Result<std::unique_ptr<VideoFile>> VideoFile::create(const std::filesystem::path& path,
+                                                     OutFile::Existing existing,
+                                                     const AVCodecParameters& parameters,
+                                                     double rate_hz, Container container) {
   av::quiet();
   SL_ASSIGN(auto out, OutFile::create(path, existing));
-  std::unique_ptr<MatroskaFile> file(new MatroskaFile(std::move(out)));
-  SL_RETURN_IF_ERROR(file->start(parameters, rate_hz));
+  std::unique_ptr<VideoFile> file(new VideoFile(std::move(out)));
+  SL_RETURN_IF_ERROR(file->start(parameters, rate_hz, container));
   return file;
 }
 
-Status MatroskaFile::start(const AVCodecParameters& parameters, double rate_hz) {
+Status VideoFile::start(const AVCodecParameters& parameters, double rate_hz, Container container) {
+  const bool mp4 = cut_ = container == Container::kFragmentedMp4;
   packet_.reset(av_packet_alloc());
   auto* buffer = static_cast<unsigned char*>(av_malloc(kIoBuffer));
   SL_CHECK(packet_ && buffer, "out of memory");
   io_ = avio_alloc_context(buffer, kIoBuffer, 1, this, nullptr, write_shim<write_callback>,
-                           seek_callback);
+                           mp4 ? nullptr : seek_callback);
   SL_CHECK(io_ != nullptr, "out of memory");
-  int code = avformat_alloc_output_context2(&format_, nullptr, "matroska", nullptr);
-  if (code < 0) return check("start the Matroska writer", code);
+  int code = avformat_alloc_output_context2(&format_, nullptr, mp4 ? "mp4" : "matroska", nullptr);
+  if (code < 0) return check("start the video writer", code);
   format_->pb = io_;
   format_->flags |= AVFMT_FLAG_BITEXACT;
   AVStream* stream = avformat_new_stream(format_, nullptr);
@@ -72,8 +73,10 @@ Status MatroskaFile::start(const AVCodecParameters& parameters, double rate_hz) 
   stream->time_base = kMilliseconds;
   if (rate_hz > 0) stream->avg_frame_rate = av_d2q(rate_hz, 1000);
   AVDictionary* options = nullptr;
+  // Fragments end where flush() says, and each says itself where it belongs.
+  if (mp4) av_dict_set(&options, "movflags", "empty_moov+default_base_moof+frag_custom", 0);
   // Gray deeper than 8 bits and RGB have no native form in Matroska; this is how FFmpeg keeps them.
-  av_dict_set(&options, "allow_raw_vfw", "1", 0);
+  if (!mp4) av_dict_set(&options, "allow_raw_vfw", "1", 0);
   code = avformat_write_header(format_, &options);
   av_dict_free(&options);
   started_ = code >= 0;
@@ -81,7 +84,7 @@ Status MatroskaFile::start(const AVCodecParameters& parameters, double rate_hz) 
   return check("write the head of the video", code);
 }
 
-MatroskaFile::~MatroskaFile() {
+VideoFile::~VideoFile() {
   (void)close();
   if (format_) avformat_free_context(format_);
   if (io_) {
@@ -90,14 +93,14 @@ MatroskaFile::~MatroskaFile() {
   }
 }
 
-Status MatroskaFile::check(const char* tried, int code) {
+Status VideoFile::check(const char* tried, int code) {
   if (!written_) return written_;
   if (code >= 0 && io_->error < 0) code = io_->error;
   if (code < 0) return av::error(file_.path(), tried, code);
   return {};
 }
 
-Status MatroskaFile::write(std::span<const uint8_t> bytes, Duration since_start, bool keyframe) {
+Status VideoFile::write(std::span<const uint8_t> bytes, Duration since_start, bool keyframe) {
   const int64_t ms = std::chrono::duration_cast<std::chrono::milliseconds>(since_start).count();
   last_ms_ = std::max(last_ms_ + 1, ms);
   av_packet_unref(packet_.get());
@@ -109,19 +112,21 @@ Status MatroskaFile::write(std::span<const uint8_t> bytes, Duration since_start,
   return write(packet_.get());
 }
 
-Status MatroskaFile::write(AVPacket* packet) {
+Status VideoFile::write(AVPacket* packet) {
   packet->stream_index = 0;
   av_packet_rescale_ts(packet, kMilliseconds, format_->streams[0]->time_base);
   return check("write an image", av_write_frame(format_, packet));
 }
 
-Status MatroskaFile::flush() {
+Status VideoFile::flush() {
   const int code = av_write_frame(format_, nullptr);
   avio_flush(io_);
-  return check("flush the video", code);
+  const Status flushed = check("flush the video", code);
+  if (flushed) whole_ = size_;
+  return flushed;
 }
 
-Status MatroskaFile::close() {
+Status VideoFile::close() {
   if (!file_.is_open()) return {};
   int code = 0;
   if (started_ && written_) {
@@ -129,20 +134,23 @@ Status MatroskaFile::close() {
     avio_flush(io_);
   }
   const Status finished = check("finish the video", code);
+  // What a full disk took of the last fragment would be shown as damage.
+  if (!finished && cut_ && whole_ > 0) (void)file_.truncate(whole_);
   const Status closed = file_.close();
   return finished ? closed : finished;
 }
 
-int MatroskaFile::write_callback(void* self, const uint8_t* bytes, int size) {
-  auto& file = *static_cast<MatroskaFile*>(self);
+int VideoFile::write_callback(void* self, const uint8_t* bytes, int size) {
+  auto& file = *static_cast<VideoFile*>(self);
   if (!file.written_) return AVERROR(EIO);
   file.written_ =
       file.file_.write({reinterpret_cast<const char*>(bytes), static_cast<size_t>(size)});
+  if (file.written_) file.size_ += size;
   return file.written_ ? size : AVERROR(EIO);
 }
 
-int64_t MatroskaFile::seek_callback(void* self, int64_t offset, int whence) {
-  auto& file = *static_cast<MatroskaFile*>(self);
+int64_t VideoFile::seek_callback(void* self, int64_t offset, int whence) {
+  auto& file = *static_cast<VideoFile*>(self);
   if (whence == AVSEEK_SIZE) {
     const auto size = file.file_.size();
     return size ? *size : AVERROR(EIO);

@@ -1,0 +1,290 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "recording/kind_recorder.hpp"
+
+#include <algorithm>
+
+#include "recording/recordings_folder.hpp"
+#include "sightline/base/log.hpp"
+#include "web/pose_json.hpp"
+
+namespace sightline {
+
+using namespace std::chrono_literals;
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr size_t kMaxQueuedBytes = size_t{64} << 20;
+constexpr size_t kMaxRingBytes = size_t{256} << 20;
+// Beside what is asked for, so that a key frame is there: the longest way from one to the next at
+// the encoder's default.
+constexpr Duration kToKeyframe = 2500ms;
+constexpr Duration kFirstWait = 2s, kMaxWait = 60s;
+constexpr Duration kTurn = 200ms;
+constexpr Duration kFlushEvery = 400ms, kSyncEvery = 1s;
+constexpr Duration kStallLimit = 10s;  // besides what it waits for the disk
+constexpr int kLastWrites = 4096;      // entries, at the end
+
+Labels labels(RecordingKind kind) { return {{"kind", std::string(to_string(kind))}}; }
+
+}  // namespace
+
+std::shared_ptr<KindRecorder> KindRecorder::start(RecordingKind kind, Registry& registry,
+                                                  HeartbeatBoard& beats) {
+  std::shared_ptr<KindRecorder> recorder(new KindRecorder(kind, registry));
+  recorder->thread_ = WatchedThread(
+      beats, "rec:" + recorder->name_, kStallLimit,
+      [raw = recorder.get()](std::stop_token stop, Heartbeat& beat) { raw->run(stop, beat); });
+  return recorder;
+}
+
+KindRecorder::KindRecorder(RecordingKind kind, Registry& registry)
+    : kind_(kind),
+      name_(to_string(kind)),
+      dropped_(registry.counter("sightline_recording_dropped_total",
+                                "Packets and poses that the disk had no time for", labels(kind))),
+      written_counter_(registry.counter("sightline_recording_written_total",
+                                        "Packets and poses that were written", labels(kind))),
+      failures_(registry.counter("sightline_recording_failures_total",
+                                 "Times a recording could not be started, or stopped",
+                                 labels(kind))),
+      running_(registry.gauge("sightline_recording_running", "1 while something is recorded",
+                              labels(kind))),
+      failing_(registry.gauge("sightline_recording_failing",
+                              "1 while something should be recorded and is not", labels(kind))) {}
+
+void KindRecorder::configure(KindSettings settings) {
+  const std::lock_guard lock(mutex_);
+  settings_ = std::move(settings);
+  ++settings_version_;
+  update_wants();
+}
+
+void KindRecorder::update_wants() {
+  wants_ = !settings_.directory.empty() && (order_.wanted || settings_.before > 0ns);
+}
+
+void KindRecorder::begin(std::optional<Duration> for_at_most, const std::string& why) {
+  const std::lock_guard lock(mutex_);
+  const bool more = order_.wanted;
+  if (!for_at_most) {
+    order_ = {true, std::nullopt};
+  } else if (!more || order_.until) {
+    const Time until = MonotonicClock::now() + *for_at_most;
+    order_ = {true, std::max(order_.until.value_or(until), until)};
+  }
+  if (!more) {
+    log::info({.cause = "start"}, "recording {}: starts ({})", name_, why);
+    said_.clear();
+    ++begun_;
+  }
+  update_wants();
+}
+
+void KindRecorder::end(const std::string& why) {
+  const std::lock_guard lock(mutex_);
+  if (!order_.wanted) return;
+  log::info({.cause = "stop"}, "recording {}: ends ({})", name_, why);
+  order_ = {};
+  problem_.clear();
+  update_wants();
+}
+
+KindStatus KindRecorder::status() const {
+  const std::lock_guard lock(mutex_);
+  return {order_.wanted, folder_, problem_, since_utc_ns_, written_, dropped_.value()};
+}
+
+void KindRecorder::push_entry(Entry entry) {
+  const size_t bytes = entry.bytes;
+  if (queued_bytes_.fetch_add(bytes) + bytes > kMaxQueuedBytes) {
+    queued_bytes_ -= bytes;
+    dropped_.add();
+    return;
+  }
+  if (const auto gone = queue_.push(std::move(entry))) {
+    queued_bytes_ -= gone->bytes;
+    dropped_.add();
+  }
+}
+
+void KindRecorder::push(ViewPacket packet) {
+  if (!wants_) return;
+  const Time time = packet.packet.capture;
+  const size_t bytes = packet.packet.bytes->size();
+  push_entry({std::move(packet), time, bytes});
+}
+
+void KindRecorder::push(PoseFeed::Entry pose) {
+  if (!wants_) return;
+  const Time time = pose.estimate.time;
+  push_entry({std::move(pose), time, sizeof(PoseFeed::Entry)});
+}
+
+void KindRecorder::run(const std::stop_token& stop, Heartbeat& heartbeat) {
+  while (!stop.stop_requested()) {
+    heartbeat.beat();
+    step(stop);
+  }
+  for (int i = 0; writer_ && i < kLastWrites; ++i) {
+    const auto entry = queue_.pop(stop, 0ns);
+    if (!entry) break;
+    if (const Status done = write(*entry); !done) fail(done.error());
+  }
+  close("the program ends");
+}
+
+void KindRecorder::step(const std::stop_token& stop) {
+  const Time now = MonotonicClock::now();
+  const bool wanted = follow_orders(now);
+  running_.set(writer_ ? 1 : 0);
+  failing_.set(wanted && !writer_ ? 1 : 0);
+  auto entry = queue_.pop(stop, kTurn);
+  if (entry) {
+    queued_bytes_ -= entry->bytes;
+    if (!writer_) {
+      keep(*std::move(entry));
+    } else if (const Status done = write(*entry); !done) {
+      fail(done.error());
+    }
+  }
+  flush_if_due(MonotonicClock::now());
+}
+
+bool KindRecorder::follow_orders(Time now) {
+  bool changed = false, wanted = false;
+  {
+    const std::lock_guard lock(mutex_);
+    changed = now_version_ != settings_version_;
+    if (changed) now_ = settings_;
+    now_version_ = settings_version_;
+    if (order_.until && now >= *order_.until) {
+      order_ = {};
+      problem_.clear();
+      update_wants();
+    }
+    wanted = order_.wanted && !now_.directory.empty();
+  }
+  if (writer_ && (changed || !wanted)) close(changed ? "reloaded" : "stopped");
+  if (!wanted) {
+    wait_ = {};
+    next_try_ = {};
+  } else if (!writer_ && now >= next_try_) {
+    if (const Status opened = open(); !opened) fail(opened.error());
+  }
+  return wanted;
+}
+
+Status KindRecorder::open() {
+  const Waiting wait("the disk");
+  SL_RETURN_IF_ERROR(check_recording_space(now_.directory));
+  const fs::path folder = new_recording_folder(now_.directory, kind_);
+  auto made = now_.open(folder);
+  if (!made) {
+    std::error_code ignored;
+    fs::remove(folder, ignored);  // if it is empty
+    return made.error();
+  }
+  writer_ = *std::move(made);
+  written_ = 0;
+  opened_ = last_flush_ = last_sync_ = MonotonicClock::now();
+  log::info("recording {} to {}", name_, folder.string());
+  {
+    const std::lock_guard lock(mutex_);
+    folder_ = folder;
+    problem_.clear();
+    since_utc_ns_ = utc_now_ns();
+  }
+  std::deque<Entry> before;
+  before.swap(ring_);
+  ring_bytes_ = 0;
+  for (const Entry& entry : before) SL_RETURN_IF_ERROR(write(entry));
+  return {};
+}
+
+Status KindRecorder::write(const Entry& entry) {
+  Status done;
+  if (const auto* packet = std::get_if<ViewPacket>(&entry.what)) {
+    done = writer_->append(*packet);
+  } else {
+    const auto& [estimate, names] = std::get<PoseFeed::Entry>(entry.what);
+    const size_t index = estimate.object.index();
+    const std::string object = index < names->objects.size() ? names->objects[index] : "";
+    done = writer_->append({make_pose_log_row(estimate, object, names->cameras),
+                            utc_ns_of(estimate.time), pose_event_json(estimate, *names)});
+  }
+  written_counter_.add(writer_->written() - written_);
+  written_ = writer_->written();
+  return done;
+}
+
+void KindRecorder::keep(Entry entry) {
+  if (now_.before <= 0ns) return;
+  ring_bytes_ += entry.bytes;
+  ring_.push_back(std::move(entry));
+  const Time oldest = ring_.back().time - now_.before - kToKeyframe;
+  while (!ring_.empty() && (ring_.front().time < oldest || ring_bytes_ > kMaxRingBytes)) {
+    ring_bytes_ -= ring_.front().bytes;
+    ring_.pop_front();
+  }
+}
+
+void KindRecorder::flush_if_due(Time now) {
+  if (!writer_ || now - last_flush_ < kFlushEvery) return;
+  const bool sync = now - last_sync_ >= kSyncEvery;
+  last_flush_ = now;
+  if (sync) last_sync_ = now;
+  // One that lasts was worth the attempt; one that breaks off at once is tried ever more seldom.
+  if (now - opened_ > kMaxWait) wait_ = {};
+  if (const Status done = writer_->flush(sync); !done) fail(done.error());
+}
+
+void KindRecorder::close(const char* why) {
+  if (!writer_) return;
+  fs::path folder;
+  {
+    const std::lock_guard lock(mutex_);
+    folder = std::exchange(folder_, {});
+  }
+  const bool empty = writer_->written() == 0;
+  const Status closed = writer_->close();
+  writer_.reset();
+  running_.set(0);
+  if (!closed) log::error("recording {}: {}", name_, closed.error().message());
+  if (empty) {
+    const Waiting wait("the disk");
+    std::error_code ignored;
+    fs::remove_all(folder, ignored);
+  }
+  log::info("recording {}: {} is finished ({})", name_, folder.string(), why);
+}
+
+void KindRecorder::fail(const Error& error) {
+  failures_.add();
+  const bool empty = writer_ && writer_->written() == 0;
+  writer_.reset();
+  wait_ = std::clamp<Duration>(2 * wait_, kFirstWait, kMaxWait);
+  next_try_ = MonotonicClock::now() + wait_;
+  fs::path folder;
+  {
+    const std::lock_guard lock(mutex_);
+    folder = std::exchange(folder_, {});
+    // The same words again and again would fill the journal.
+    if (said_ != error.message()) {
+      log::error({.cause = "disk"}, "recording {} stopped: {}", name_, error.message());
+    }
+    said_ = error.message();
+    problem_ = order_.wanted ? error.message() : "";
+  }
+  if (!empty || folder.empty()) return;
+  const Waiting wait("the disk");
+  std::error_code ignored;
+  fs::remove_all(folder, ignored);
+}
+
+bool KindRecorder::stop_unless_waiting(Duration patience) {
+  thread_.request_stop();
+  return !thread_.joinable() || thread_.join_unless_waiting(patience);
+}
+
+}  // namespace sightline

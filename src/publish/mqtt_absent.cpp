@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sightline/publish/mqtt.hpp"
+
+namespace sightline {
+
+bool mqtt_available() { return false; }
+
+Result<std::unique_ptr<MqttClient>> MqttClient::create(const MqttOptions& options) {
+  return make_error(ErrorCode::kUnavailable, options.host,
+                    "this program was built without MQTT (libmosquitto)");
+}
+
+}  // namespace sightline
