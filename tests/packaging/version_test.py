@@ -9,7 +9,8 @@ import subprocess
 import sys
 import unittest
 
-from support import BIN, ROOT, WAIT_S, read_text, sightline
+sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "system"))
+from support import BIN, ROOT, WAIT_S, read_text, sightline  # noqa: E402
 
 sys.path.insert(0, os.path.join(ROOT, "packaging"))
 import changelog  # noqa: E402
@@ -53,7 +54,7 @@ class Version(unittest.TestCase):
         cache = read_text(os.path.join(os.path.dirname(BIN), "CMakeCache.txt"))
         found = dict(re.findall(r"(?m)^(\w+):\w+=(.*)$", cache))
         for option, name in (("aravis", "ARAVIS"), ("libcamera", "LIBCAMERA"), ("egl", "EGL"),
-                             ("webrtc", "GSTREAMER_WEBRTC")):
+                             ("webrtc", "GSTREAMER_WEBRTC"), ("mqtt", "MOSQUITTO")):
             self.assertEqual(said["options"][option], found.get(name + "_FOUND") == "1", option)
         self.assertEqual(said["build"]["type"], found["CMAKE_BUILD_TYPE"])
 
@@ -62,7 +63,7 @@ class Version(unittest.TestCase):
         libraries = subprocess.run(["ldd", os.path.join(BIN, "sightlined")], capture_output=True, text=True,
                                    timeout=WAIT_S, check=True).stdout
         for option, library in (("aravis", "libaravis-"), ("libcamera", "libcamera.so"), ("egl", "libEGL.so"),
-                                ("webrtc", "libgstwebrtc-")):
+                                ("webrtc", "libgstwebrtc-"), ("mqtt", "libmosquitto.so")):
             self.assertEqual(said[option], library in libraries, option)
 
     def test_json_alone_is_not_enough(self):
@@ -99,7 +100,8 @@ class Completion(unittest.TestCase):
         script = ('source "$1"; shift; COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _sightline; '
                   'printf "%s\\n" "${COMPREPLY[@]}"')
         source = os.path.join(ROOT, "docs", "sightline.bash-completion")
-        done = subprocess.run(["bash", "-c", script, "bash", source, *words], capture_output=True, text=True, timeout=WAIT_S, check=True, cwd=ROOT,
+        done = subprocess.run(["bash", "-c", script, "bash", source, *words], capture_output=True, text=True,
+                              timeout=WAIT_S, check=True, cwd=ROOT,
                               env=dict(os.environ, PATH=BIN + ":" + os.environ["PATH"]))
         return done.stdout.split()
 

@@ -14,7 +14,8 @@ import sys
 import tempfile
 import unittest
 
-from support import BIN, ROOT, WAIT_S, read_text
+sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "system"))
+from support import BIN, ROOT, WAIT_S, read_text  # noqa: E402
 
 COMPILE = os.environ.get("SIGHTLINE_PACKAGE_COMPILE") == "1"
 LOWER = os.environ.get("SIGHTLINE_PACKAGE_ROOT", "/")
