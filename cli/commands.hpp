@@ -22,6 +22,7 @@ void add_calibrate(CLI::App& app, Command& chosen);
 void add_cameras(CLI::App& app, Command& chosen);
 void add_check(CLI::App& app, Command& chosen);
 void add_detect(CLI::App& app, Command& chosen);
+void add_doctor(CLI::App& app, Command& chosen);
 void add_evaluate(CLI::App& app, Command& chosen);
 void add_model(CLI::App& app, Command& chosen);
 void add_record(CLI::App& app, Command& chosen);

@@ -23,7 +23,7 @@ int run(int argc, char** argv) {
   cli::Command chosen;
   for (const auto add : {cli::add_check, cli::add_evaluate, cli::add_replay, cli::add_record,
                          cli::add_cameras, cli::add_model, cli::add_superimpose, cli::add_view,
-                         cli::add_train, cli::add_detect, cli::add_calibrate}) {
+                         cli::add_train, cli::add_detect, cli::add_calibrate, cli::add_doctor}) {
     add(app, chosen);
   }
   try {

@@ -6,6 +6,7 @@
 #include <csignal>
 #include <cstdio>
 #include <exception>
+#include <nlohmann/json.hpp>
 #include <string>
 
 #include "control_thread.hpp"
@@ -143,11 +144,34 @@ int check_only(const std::filesystem::path& config) {
   return 2;
 }
 
+std::string version_text(bool json) {
+  if (!json) return std::string("sightlined ") + kVersion;
+  const BuildInfo& build = kBuildInfo;
+  return nlohmann::ordered_json{{"program", "sightlined"},
+                                {"version", kVersion},
+                                {"api", 1},
+                                {"build",
+                                 {{"type", build.type},
+                                  {"compiler", build.compiler},
+                                  {"processor", build.processor},
+                                  {"sanitizers", build.sanitizers}}},
+                                {"options",
+                                 {{"aravis", build.aravis},
+                                  {"libcamera", build.libcamera},
+                                  {"egl", build.egl},
+                                  {"webrtc", build.webrtc},
+                                  {"mqtt", build.mqtt},
+                                  {"page", build.page}}}}
+      .dump(2);
+}
+
 int run(int argc, char** argv) {
   CLI::App app{"Sightline daemon: live annotated streams of an installation's cameras"};
-  app.set_version_flag("--version", std::string("sightlined ") + kVersion);
   std::filesystem::path config;
-  bool check = false;
+  bool check = false, json = false;
+  // Before --version, which is answered while options are taken in this order.
+  app.add_flag("--json", json, "with --version: version, build and optional parts as JSON");
+  app.set_version_flag("--version", [&] { return version_text(json); });
   app.add_option("--config", config, "installation file")->required();
   app.add_flag("--check", check, "validate the file and exit with 0 or 2");
   try {

@@ -7,7 +7,7 @@ import shutil
 import subprocess
 import unittest
 
-from support import BIN, WAIT_S, TemporaryFolder
+from support import BIN, WAIT_S, TemporaryFolder, sightline
 
 
 class Install(TemporaryFolder):
@@ -15,7 +15,8 @@ class Install(TemporaryFolder):
         subprocess.run(["cmake", "--install", os.path.dirname(BIN), "--prefix", self.path("usr")], check=True,
                        stdout=subprocess.DEVNULL, timeout=WAIT_S)
         for name in ("bin/sightlined", "bin/sightline", "lib/systemd/system/sightlined.service",
-                     "lib/udev/rules.d/70-sightline.rules",
+                     "lib/udev/rules.d/70-sightline.rules", "lib/systemd/system/sightlined@.service",
+                     "share/bash-completion/completions/sightline", "share/sightline/config/demo.toml",
                      "share/man/man1/sightline.1", "share/man/man8/sightlined.8",
                      "share/doc/sightline/examples/sightline.example.toml", "share/doc/sightline/README.md"):
             self.assertTrue(os.path.exists(self.path("usr", name)), name)
@@ -45,6 +46,23 @@ class Install(TemporaryFolder):
             self.assertIn(line + "\n", text)
         for word in ("WatchdogSec=", "ExecReload=", "RestartSec="):
             self.assertIn(word, text)
+
+    def test_the_demo_runs_as_it_is_installed(self):
+        self.install_unit()
+        sightline("check", self.path("usr", "share/sightline/config/demo.toml"))
+
+    def test_units_wait_for_a_configuration_and_share_nothing(self):
+        unit, text = self.install_unit()
+        with open(unit.replace("sightlined.service", "sightlined@.service"), encoding="utf-8") as file:
+            template = file.read()
+        for content, name, folder in ((text, "sightline", "sightline"), (template, "%i", "sightline-%i")):
+            self.assertNotRegex(content, "@[A-Za-z_]+@")
+            conditions, service = content.split("[Service]\n")
+            self.assertIn(f"ConditionPathExists=|/etc/sightline/{name}.toml\n", conditions)
+            self.assertIn(f"ConditionPathExists=|/etc/default/{folder}\n", conditions)
+            for line in (f"Environment=SIGHTLINE_CONFIG=/etc/sightline/{name}.toml",
+                         f"EnvironmentFile=-/etc/default/{folder}", f"StateDirectory={folder}", f"CacheDirectory={folder}"):
+                self.assertIn(line + "\n", service)
 
     def test_unit_is_started_again_for_ever_but_not_with_a_wrong_configuration(self):
         _, text = self.install_unit()
