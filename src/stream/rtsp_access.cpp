@@ -43,11 +43,11 @@ Result<GObjectPtr<GTlsCertificate>> make_certificate(const std::string& certific
                     text_of(error));
 }
 
-bool speak_tls(GstRTSPConnection* connection, GTlsCertificate* certificate) {
+GObjectPtr<GIOStream> speak_tls(GstRTSPConnection* connection, GTlsCertificate* certificate) {
   GTlsConnection* const tls = gst_rtsp_connection_get_tls(connection, nullptr);
-  if (tls == nullptr) return false;
+  if (tls == nullptr) return nullptr;
   g_tls_connection_set_certificate(tls, certificate);
-  return true;
+  return GObjectPtr<GIOStream>(G_IO_STREAM(g_object_ref(tls)));
 }
 
 void let_users_watch(GstRTSPMediaFactory* factory) {

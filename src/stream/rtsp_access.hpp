@@ -17,8 +17,8 @@ void ask_for_passwords(GstRTSPServer* server, std::span<const RtspUser> users);
 /// Certificate and private key in PEM. kInvalidInput for a bad pair.
 Result<GObjectPtr<GTlsCertificate>> make_certificate(const std::string& certificate,
                                                      const std::string& key);
-/// This connection, of which nothing was read yet, begins with TLS. False if the library cannot.
-bool speak_tls(GstRTSPConnection* connection, GTlsCertificate* certificate);
+/// This connection, of which nothing was read yet, begins with TLS. Null if the library cannot.
+GObjectPtr<GIOStream> speak_tls(GstRTSPConnection* connection, GTlsCertificate* certificate);
 
 /// A stream that whoever has a password may watch; without passwords everybody.
 void let_users_watch(GstRTSPMediaFactory* factory);

@@ -128,12 +128,16 @@ void RtspConnections::add(const void* client, Connection connection) {
 }
 
 void RtspConnections::remove(const void* client) {
-  std::lock_guard lock(mutex_);
-  const auto found = connections_.find(client);
-  if (found == connections_.end()) return;
-  // The library leaves the socket of a TLS handshake that failed open.
-  ::shutdown(found->second.socket.get(), SHUT_RDWR);
-  connections_.erase(found);
+  Connection gone;
+  {
+    std::lock_guard lock(mutex_);
+    const auto found = connections_.find(client);
+    if (found == connections_.end()) return;
+    gone = std::move(found->second);
+    connections_.erase(found);
+  }
+  ::shutdown(gone.socket.get(), SHUT_RDWR);  // so that closing waits for nobody
+  if (gone.tls) g_io_stream_close(gone.tls.get(), nullptr, nullptr);
 }
 
 int RtspConnections::count() const {

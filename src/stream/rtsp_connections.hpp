@@ -14,6 +14,7 @@
 #include "sightline/base/result.hpp"
 #include "sightline/base/time.hpp"
 #include "sightline/base/unique_fd.hpp"
+#include "stream/gst_ptr.hpp"
 #include "stream/guarded_socket.hpp"
 
 namespace sightline::stream {
@@ -68,6 +69,7 @@ class RtspConnections {
     UniqueFd socket;
     Time since{};
     bool leaving = false;
+    GObjectPtr<GIOStream> tls = {};  ///< null: plain
   };
   using HasSession = bool (*)(const void* client);
 
@@ -83,6 +85,8 @@ class RtspConnections {
   void answered(const void* client);
   bool guessed_too_often(const Peer& newcomer, Time now);
   void add(const void* client, Connection connection);
+  /// Closes what speaks TLS: the library only lets go of it, and a handshake that failed holds on
+  /// to its connection until somebody asks how it went.
   void remove(const void* client);
   /// Connections that have not gone yet.
   int count() const;

@@ -150,11 +150,14 @@ void on_closed(GstRTSPClient* client, gpointer data) {
 void on_client(GstRTSPServer*, GstRTSPClient* client, gpointer data) {
   const LibraryCall call(data);
   const StatePtr& state = UserData<StatePtr>::in(data);
-  state->connections.add(client, std::exchange(state->arriving, {}));
   // The guard refuses HTTP already; this is the library's own way to know no RTSP inside HTTP.
   GstRTSPConnection* const connection = gst_rtsp_client_get_connection(client);
   gst_rtsp_connection_set_http_mode(connection, TRUE);
-  if (state->certificate && !speak_tls(connection, state->certificate.get())) {
+  RtspConnections::Connection arriving = std::exchange(state->arriving, {});
+  if (state->certificate) arriving.tls = speak_tls(connection, state->certificate.get());
+  const bool plain_by_mistake = state->certificate && !arriving.tls;
+  state->connections.add(client, std::move(arriving));
+  if (plain_by_mistake) {
     state->connections.end_if([client](const void* one) { return one == client; });
   }
   connect(client, "closed", G_CALLBACK(on_closed), state);
