@@ -14,7 +14,6 @@
 #include "sightline/base/result.hpp"
 #include "sightline/base/time.hpp"
 #include "sightline/base/unique_fd.hpp"
-#include "stream/gst_ptr.hpp"
 #include "stream/guarded_socket.hpp"
 
 namespace sightline::stream {
@@ -69,7 +68,7 @@ class RtspConnections {
     UniqueFd socket;
     Time since{};
     bool leaving = false;
-    GObjectPtr<GIOStream> tls = {};  ///< null: plain
+    std::shared_ptr<GIOStream> tls = {};  ///< null: plain
   };
   using HasSession = bool (*)(const void* client);
 
