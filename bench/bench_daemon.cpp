@@ -240,7 +240,7 @@ Result<std::unique_ptr<Pipeline>> start_pipeline(const std::shared_ptr<const Foo
   parts.output = StreamOutput::create(
       "bench", encoder_options(*footage), names, std::move(stream), nullptr,
       pipeline->pictures->slot("bench"),
-      KindRecorder::start(RecordingKind::kViewing, pipeline->registry, pipeline->beats),
+      RecordingSinkWorker::start(RecordingKind::kViewing, pipeline->registry, pipeline->beats),
       pipeline->registry);
   pipeline->board = std::make_shared<TrackBoard>(names.size());
   parts.draw.board = pipeline->board;

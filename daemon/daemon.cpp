@@ -74,7 +74,7 @@ Result<std::unique_ptr<Daemon>> Daemon::start(Installation installation,
 
 Status Daemon::prepare_web() {
   SL_ASSIGN(context_.pictures, PictureBoard::start(registry_, beats_, waker_));
-  context_.recordings = RecordingDesk::start(registry_, beats_, waker_, context_.taps);
+  context_.recordings = RecordingManager::start(registry_, beats_, waker_, context_.taps);
   context_.whep = WhepService::start(options_.serve, beats_, waker_);
   context_.http = web_content({.registry = &registry_,
                                .health = [this] { return health(); },

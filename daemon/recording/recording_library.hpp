@@ -15,7 +15,7 @@
 #include "sightline/base/counters.hpp"
 #include "sightline/base/snapshot.hpp"
 #include "sightline/control/http_content.hpp"
-#include "sightline/record/kind_writer.hpp"
+#include "sightline/record/recording_sink.hpp"
 
 namespace sightline {
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "sightline/record/kind_writer.hpp"
+#include "sightline/record/recording_sink.hpp"
 
 namespace sightline {
 

@@ -8,7 +8,7 @@
 #include <stop_token>
 #include <vector>
 
-#include "recording/recording_desk.hpp"
+#include "recording/recording_manager.hpp"
 #include "sightline/pipeline/object_search.hpp"
 #include "sightline/pipeline/source_factory.hpp"
 #include "system/reload_plan.hpp"
@@ -46,7 +46,7 @@ struct SystemContext {
   std::shared_ptr<FrameTaps> taps;
   std::shared_ptr<PoseFeed> poses;
   std::shared_ptr<PictureBoard> pictures;
-  std::shared_ptr<RecordingDesk> recordings;
+  std::shared_ptr<RecordingManager> recordings;
   std::shared_ptr<WhepService> whep;
   HttpContent http{};
   std::function<void()> request_reload{};  ///< empty: this program does not reload

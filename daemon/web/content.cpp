@@ -155,14 +155,16 @@ void add_streams(const WebSources& s, HttpContent& content) {
   };
 }
 
-void add_recordings(const std::shared_ptr<RecordingDesk>& desk, HttpContent& content) {
-  content.recordings_json = [desk] { return desk->json(); };
-  content.start_recording = [desk](const RecordingOrder& order) { return desk->begin(order); };
-  content.stop_recording = [desk](const RecordingOrder& order) { return desk->end(order); };
-  content.mark_recording = [desk](const std::string& text) { return desk->mark(text); };
-  content.recording_file = [desk](const std::string& name, const std::string& file,
-                                  const std::string& range) {
-    return desk->file(name, file, range);
+void add_recordings(const std::shared_ptr<RecordingManager>& manager, HttpContent& content) {
+  content.recordings_json = [manager] { return manager->json(); };
+  content.start_recording = [manager](const RecordingOrder& order) {
+    return manager->begin(order);
+  };
+  content.stop_recording = [manager](const RecordingOrder& order) { return manager->end(order); };
+  content.mark_recording = [manager](const std::string& text) { return manager->mark(text); };
+  content.recording_file = [manager](const std::string& name, const std::string& file,
+                                     const std::string& range) {
+    return manager->file(name, file, range);
   };
 }
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "heartbeat.hpp"
-#include "recording/recording_desk.hpp"
+#include "recording/recording_manager.hpp"
 #include "sightline/control/http_content.hpp"
 #include "system/config_report.hpp"
 #include "system/system.hpp"
@@ -26,7 +26,7 @@ struct WebSources {
   std::function<void()> request_reload;  ///< empty: this program does not reload
   std::shared_ptr<PoseFeed> poses;
   std::shared_ptr<PictureBoard> pictures;
-  std::shared_ptr<RecordingDesk> recordings;
+  std::shared_ptr<RecordingManager> recordings;
   std::shared_ptr<WhepService> whep;
   std::shared_ptr<HttpWaker> waker;
 };

@@ -15,7 +15,7 @@ std::shared_ptr<StreamOutput> StreamOutput::create(std::string camera, EncoderOp
                                                    std::shared_ptr<RtspStream> stream,
                                                    std::shared_ptr<WhepStream> browsers,
                                                    std::shared_ptr<PictureSlot> pictures,
-                                                   std::shared_ptr<KindRecorder> recorder,
+                                                   std::shared_ptr<RecordingSinkWorker> recorder,
                                                    Registry& registry) {
   std::shared_ptr<StreamOutput> output(
       new StreamOutput(std::move(camera), std::move(options), std::move(names), std::move(browsers),
@@ -47,7 +47,7 @@ void StreamOutput::adopt(std::vector<NamedObject> names,
 StreamOutput::StreamOutput(std::string camera, EncoderOptions options,
                            std::vector<NamedObject> names, std::shared_ptr<WhepStream> browsers,
                            std::shared_ptr<PictureSlot> pictures,
-                           std::shared_ptr<KindRecorder> recorder, Registry& registry)
+                           std::shared_ptr<RecordingSinkWorker> recorder, Registry& registry)
     : camera_(std::move(camera)),
       browsers_(std::move(browsers)),
       pictures_(std::move(pictures)),

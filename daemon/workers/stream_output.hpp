@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "recording/kind_recorder.hpp"
+#include "recording/recording_sink_worker.hpp"
 #include "sightline/base/counters.hpp"
 #include "sightline/base/snapshot.hpp"
 #include "sightline/model/seams.hpp"
@@ -30,7 +30,7 @@ class StreamOutput : public ImageSink {
                                               std::shared_ptr<RtspStream> stream,
                                               std::shared_ptr<WhepStream> browsers,
                                               std::shared_ptr<PictureSlot> pictures,
-                                              std::shared_ptr<KindRecorder> recorder,
+                                              std::shared_ptr<RecordingSinkWorker> recorder,
                                               Registry& registry);
   ~StreamOutput() override;
 
@@ -65,7 +65,7 @@ class StreamOutput : public ImageSink {
  private:
   StreamOutput(std::string camera, EncoderOptions options, std::vector<NamedObject> names,
                std::shared_ptr<WhepStream> browsers, std::shared_ptr<PictureSlot> pictures,
-               std::shared_ptr<KindRecorder> recorder, Registry& registry);
+               std::shared_ptr<RecordingSinkWorker> recorder, Registry& registry);
   bool video_wanted() const {
     return stream_->read()->wanted() || (browsers_ && browsers_->wanted()) || recorder_->wants();
   }
@@ -75,7 +75,7 @@ class StreamOutput : public ImageSink {
   const std::string camera_;
   const std::shared_ptr<WhepStream> browsers_;  // null: no WebRTC
   const std::shared_ptr<PictureSlot> pictures_;
-  const std::shared_ptr<KindRecorder> recorder_;
+  const std::shared_ptr<RecordingSinkWorker> recorder_;
   uint64_t recordings_seen_ = 0;  // of recorder_->begun(), the drawing thread's
   Registry& registry_;
   const EncoderOptions created_;

@@ -27,7 +27,7 @@ Result<std::unique_ptr<ObjectFusion>> ObjectFusion::create(
 }
 
 std::span<const UpdateReport> ObjectFusion::process(std::span<const Observation> observed) {
-  const std::span<const Observation> set = with_doubts(observed);
+  const std::span<const Observation> set = with_calibration_covariance(observed);
   reports_.clear();
   verdict_ = false;
   for (size_t i = 0; i < estimators_.size(); ++i) {
@@ -47,12 +47,15 @@ std::span<const UpdateReport> ObjectFusion::process(std::span<const Observation>
 }
 
 // A camera that stands elsewhere than its calibration says loses its vote as far as it is wrong.
-std::span<const Observation> ObjectFusion::with_doubts(std::span<const Observation> set) {
-  const auto doubted = [this](const Observation& o) { return watch_->doubt(o.camera) != nullptr; };
-  if (!watch_ || std::ranges::none_of(set, doubted)) return set;
-  doubted_.assign(set.begin(), set.end());
-  for (Observation& o : doubted_) o.calibration_doubt = watch_->doubt(o.camera);
-  return doubted_;
+std::span<const Observation> ObjectFusion::with_calibration_covariance(
+    std::span<const Observation> set) {
+  const auto affected = [this](const Observation& o) {
+    return watch_->extra_covariance(o.camera) != nullptr;
+  };
+  if (!watch_ || std::ranges::none_of(set, affected)) return set;
+  widened_.assign(set.begin(), set.end());
+  for (Observation& o : widened_) o.calibration_covariance = watch_->extra_covariance(o.camera);
+  return widened_;
 }
 
 std::span<const ObjectId> ObjectFusion::advance(Time now) {

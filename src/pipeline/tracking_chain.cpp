@@ -39,8 +39,9 @@ std::unique_ptr<ObjectSearch> TrackingChain::take_search() {
 void TrackingChain::begin(Time now) {
   set_.clear();
   if (!timed_) return;
+  const bool searching = timed_->under_way();
   const std::vector<Observation> found = timed_->advance(now, tracks());
-  if (!timed_->under_way()) take_doubts();
+  if (searching && !timed_->under_way()) take_doubts();
   for (const Observation& observation : found) fusion_->process({&observation, 1});
 }
 

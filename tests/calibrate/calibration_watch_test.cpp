@@ -92,7 +92,7 @@ class RunningRig {
     for (auto set : rig.sets()) {
       for (Observation& observation : set) {
         observation.capture += offset_;
-        observation.calibration_doubt = watch_->doubt(observation.camera);
+        observation.calibration_covariance = watch_->extra_covariance(observation.camera);
       }
       const UpdateReport report = estimator.process(set);
       if (has_pose(report.estimate.state)) {
@@ -188,7 +188,7 @@ TEST(CalibrationWatch, SaysNothingForAnHourOfARigInOrder) {
   for (size_t i = 0; i < 3; ++i) {
     EXPECT_EQ(rig.camera(i).state, CalibrationState::kInOrder);
     EXPECT_GT(rig.camera(i).compared_s, 3000);
-    EXPECT_FALSE(rig.watch().doubt(CameraId(static_cast<uint32_t>(i))));
+    EXPECT_FALSE(rig.watch().extra_covariance(CameraId(static_cast<uint32_t>(i))));
   }
 }
 
@@ -217,7 +217,7 @@ TEST(CalibrationWatch, OfTwoCamerasNobodyTellsWhich) {
   rig.run(60s);
   EXPECT_EQ(rig.camera(0).state, CalibrationState::kDisputed);
   EXPECT_EQ(rig.camera(1).state, CalibrationState::kDisputed);
-  EXPECT_FALSE(rig.watch().doubt(CameraId(1)));
+  EXPECT_FALSE(rig.watch().extra_covariance(CameraId(1)));
 }
 
 TEST(CalibrationWatch, ACameraThatIsPutBackIsInOrderAgain) {
@@ -226,11 +226,11 @@ TEST(CalibrationWatch, ACameraThatIsPutBackIsInOrderAgain) {
   rig.options().moved = {Vector6::Zero(), turned(0.5)};
   rig.run(40s);
   ASSERT_EQ(rig.camera(1).state, CalibrationState::kKnocked);
-  EXPECT_TRUE(rig.watch().doubt(CameraId(1)));
+  EXPECT_TRUE(rig.watch().extra_covariance(CameraId(1)));
   rig.options().moved.clear();
   rig.run(90s);
   EXPECT_EQ(rig.camera(1).state, CalibrationState::kInOrder);
-  EXPECT_FALSE(rig.watch().doubt(CameraId(1)));
+  EXPECT_FALSE(rig.watch().extra_covariance(CameraId(1)));
 }
 
 TEST(CalibrationWatch, ACorrectedCalibrationIsInOrder) {

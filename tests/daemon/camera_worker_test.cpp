@@ -172,8 +172,8 @@ class CameraWorkerTest : public testing::Test {
   Registry registry_;
   HeartbeatBoard beats_;
   std::shared_ptr<PictureBoard> pictures_;
-  std::shared_ptr<KindRecorder> recorder_ =
-      KindRecorder::start(RecordingKind::kViewing, registry_, beats_);
+  std::shared_ptr<RecordingSinkWorker> recorder_ =
+      RecordingSinkWorker::start(RecordingKind::kViewing, registry_, beats_);
   std::shared_ptr<WatchedStream> stream_ = std::make_shared<WatchedStream>();
   std::unique_ptr<CameraWorker> worker_;
 };

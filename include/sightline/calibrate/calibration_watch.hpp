@@ -91,9 +91,9 @@ class CalibrationWatch {
   /// By CameraId; those that are not watched stay unknown.
   std::span<const CameraWatch> cameras() const;
 
-  /// How far a camera's measurements have to be doubted beyond their own covariance: of a tangent
+  /// What a camera's wrong place adds to the covariance of its measurements: of a tangent
   /// on the left of world_from_object (world axes) [rad, m]. Null: not at all.
-  const std::shared_ptr<const Matrix6>& doubt(CameraId camera) const;
+  const std::shared_ptr<const Matrix6>& extra_covariance(CameraId camera) const;
 
   /// A calibration that may be another; what is known is forgotten if it is.
   void set_cameras(std::vector<std::optional<Rigid3>> world_from_camera);

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "sightline/record/kind_writer.hpp"
+#include "sightline/record/recording_sink.hpp"
 #include "sightline/record/writer.hpp"
 
 namespace sightline {

@@ -37,9 +37,9 @@ struct Observation {
   /// Its hypotheses were compared with the pose in force and explain the images better: if that is
   /// another pose, it is given up and the object starts anew from them.
   bool refutes = false;
-  /// How far the camera's calibration is to be doubted: covariance of a tangent on the left of
-  /// world_from_object (world axes) [rad, m], beyond what the terms claim. Null: not at all.
-  std::shared_ptr<const Matrix6> calibration_doubt{};
+  /// What a calibration that is known to be wrong adds to the covariance of the terms: of a tangent
+  /// on the left of world_from_object (world axes) [rad, m]. Null: nothing.
+  std::shared_ptr<const Matrix6> calibration_covariance{};
 };
 
 }  // namespace sightline

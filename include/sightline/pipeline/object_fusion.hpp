@@ -51,7 +51,7 @@ class ObjectFusion {
  private:
   ObjectFusion() = default;
   void publish(size_t object);
-  std::span<const Observation> with_doubts(std::span<const Observation> set);
+  std::span<const Observation> with_calibration_covariance(std::span<const Observation> set);
 
   EstimatorOptions options_;
   std::vector<ShapeSymmetry> shape_symmetry_;  // by ObjectId
@@ -60,7 +60,7 @@ class ObjectFusion {
   std::shared_ptr<TrackBoard> board_;          // null: nobody reads
   std::unique_ptr<CalibrationWatch> watch_;    // null: nobody watches
   bool verdict_ = false;
-  std::vector<Observation> doubted_;  // scratch
+  std::vector<Observation> widened_;  // scratch
   std::vector<UpdateReport> reports_;
   std::vector<ObjectId> changed_;
 };

@@ -26,7 +26,7 @@ constexpr int kDisputedBuckets = 10;  // before a dispute is one
 constexpr size_t kRecent = 15;        // buckets that tell so
 constexpr size_t kFewestBuckets = 5;  // before anything is said
 constexpr size_t kFewest = 2;         // buckets that a correction is made of
-const std::shared_ptr<const Matrix6> kNoDoubt;
+const std::shared_ptr<const Matrix6> kNothing;
 
 }  // namespace
 
@@ -72,7 +72,7 @@ struct CalibrationWatch::Impl {
   std::vector<char> voters;
   std::vector<Candidate> candidates;
   std::vector<CameraWatch> verdicts;
-  std::vector<std::shared_ptr<const Matrix6>> doubts;
+  std::vector<std::shared_ptr<const Matrix6>> extra_covariances;
   int disputed = 0;  // buckets in which more than one camera could be to blame
   Time bucket_end = Time::min();
 };
@@ -88,7 +88,7 @@ void CalibrationWatch::Impl::resize() {
   voters.resize(cameras);
   candidates.resize(cameras);
   verdicts.resize(cameras);
-  doubts.resize(cameras);
+  extra_covariances.resize(cameras);
   reset();
 }
 
@@ -98,7 +98,7 @@ void CalibrationWatch::Impl::reset() {
     voters[i] = world_from_camera[i] ? 1 : 0;
     candidates[i] = Candidate();
     verdicts[i] = CameraWatch();
-    doubts[i].reset();
+    extra_covariances[i].reset();
   }
   for (LookRounds& r : rounds) r.clear();
   disputed = 0;
@@ -221,7 +221,7 @@ void CalibrationWatch::Impl::describe(size_t camera) {
   const CameraEvidence& own = evidence[camera];
   verdict.compared_s = static_cast<double>(own.rounds()) * to_seconds(options.round);
   if (own.size() == 0) {
-    doubts[camera].reset();
+    extra_covariances[camera].reset();
     return;
   }
   const bool wrong = is_wrong(verdict.state);
@@ -241,11 +241,11 @@ void CalibrationWatch::Impl::describe(size_t camera) {
   if (!wrong) {
     verdict.vote = 1;
     if (verdict.state != CalibrationState::kDisputed) verdict.since = verdict.flagged = Time();
-    doubts[camera].reset();
+    extra_covariances[camera].reset();
     return;
   }
   const Matrix6 moments = verdict.correction * verdict.correction.transpose() + verdict.covariance;
-  doubts[camera] =
+  extra_covariances[camera] =
       std::make_shared<const Matrix6>(world_from_camera[camera]->covariance_in_target(moments));
   const Matrix6 look = own.round_information();
   verdict.vote = 6 / (6 + verdict.correction.dot(look * verdict.correction));
@@ -288,8 +288,9 @@ bool CalibrationWatch::add(const Observation& observation, const PoseTrack& trac
 
 std::span<const CameraWatch> CalibrationWatch::cameras() const { return impl_->verdicts; }
 
-const std::shared_ptr<const Matrix6>& CalibrationWatch::doubt(CameraId camera) const {
-  return camera.index() < impl_->doubts.size() ? impl_->doubts[camera.index()] : kNoDoubt;
+const std::shared_ptr<const Matrix6>& CalibrationWatch::extra_covariance(CameraId camera) const {
+  return camera.index() < impl_->extra_covariances.size() ? impl_->extra_covariances[camera.index()]
+                                                          : kNothing;
 }
 
 void CalibrationWatch::set_cameras(std::vector<std::optional<Rigid3>> world_from_camera) {

@@ -188,17 +188,27 @@ CorrectionFit CameraEvidence::fit_newest(size_t buckets) const {
 // t_i - t_k; with S1 = sum L_i, St = sum t_i L_i, Stt = sum t_i^2 L_i its sum is
 // Stt - 2 t_k St + t_k^2 S1. Times count from the newest bucket.
 CourseFit CameraEvidence::fit_course() const {
-  CourseFit best_step, best_ramp;
-  if (count_ < kFewest) return best_step;
+  struct Best {
+    CourseFit fit;
+    Correction sum;
+    int rounds = 0, places = 0;
+  } step, ramp;
+  if (count_ < kFewest) return step.fit;
   const Time end = at(count_ - 1).begin + options_.bucket;
   Correction ones, firsts;
   Matrix6 seconds = Matrix6::Zero();
   int rounds = 0, places = 0;
   const double s = scale();
-  Correction best_ramp_sum;
-  double best_ramp_length = 1;
-  int step_rounds = 0, step_places = 0, ramp_rounds = 0, ramp_places = 0;
-  Correction best_step_sum;
+  const auto consider = [&](const Correction& sum, size_t from, Best& best) {
+    const double gain = gain_of(sum, s, prior_);
+    if (gain <= best.fit.gain) return;
+    best.fit.gain = gain;
+    best.fit.from = from;
+    best.sum = sum;
+    best.rounds = rounds;
+    best.places = places;
+  };
+  const auto seconds_before_end = [&](size_t i) { return to_seconds(end - at(i).begin); };
   for (size_t i = count_; i-- > 0;) {
     const Bucket& bucket = at(i);
     const double t = to_seconds(bucket.begin + options_.bucket / 2 - end);
@@ -210,41 +220,23 @@ CourseFit CameraEvidence::fit_course() const {
     rounds += bucket.rounds;
     places += bucket.places;
     if (count_ - i < kFewest) continue;
-    const double step_gain = gain_of(ones, s, prior_);
-    if (step_gain > best_step.gain) {
-      best_step.gain = step_gain;
-      best_step.from = i;
-      best_step_sum = ones;
-      step_rounds = rounds;
-      step_places = places;
-    }
-    const double begin = to_seconds(bucket.begin - end);
-    if (-begin < kShortestRamp) continue;
-    // Weights (t - begin) / length, 1 today.
-    const double length = -begin;
-    Correction ramp;
-    ramp.information =
-        (seconds - 2 * begin * firsts.information + begin * begin * ones.information) /
-        (length * length);
-    ramp.vector = (firsts.vector - begin * ones.vector) / length;
-    const double ramp_gain = gain_of(ramp, s, prior_);
-    if (ramp_gain > best_ramp.gain) {
-      best_ramp.gain = ramp_gain;
-      best_ramp.from = i;
-      best_ramp_sum = ramp;
-      best_ramp_length = length;
-      ramp_rounds = rounds;
-      ramp_places = places;
-    }
+    consider(ones, i, step);
+    const double length = seconds_before_end(i);
+    if (length < kShortestRamp) continue;
+    // Weights (t + length) / length, 1 today.
+    consider({(seconds + 2 * length * firsts.information + length * length * ones.information) /
+                  (length * length),
+              (firsts.vector + length * ones.vector) / length},
+             i, ramp);
   }
-  if (best_ramp.gain > best_step.gain + kRampMargin) {
-    best_ramp.ramp = true;
-    best_ramp.now = finish(best_ramp_sum, ramp_rounds, ramp_places);
-    best_ramp.rate = best_ramp.now.correction / best_ramp_length;
-    return best_ramp;
+  const bool ramps = ramp.fit.gain > step.fit.gain + kRampMargin;
+  Best& best = ramps ? ramp : step;
+  best.fit.now = finish(best.sum, best.rounds, best.places);
+  if (ramps) {
+    best.fit.ramp = true;
+    best.fit.rate = best.fit.now.correction / seconds_before_end(best.fit.from);
   }
-  best_step.now = finish(best_step_sum, step_rounds, step_places);
-  return best_step;
+  return best.fit;
 }
 
 }  // namespace sightline::calibrate

@@ -54,19 +54,22 @@ void bound_variance(Eigen::Index first, const Eigen::Vector3d& axis, double max,
 SymmetricHypotheses::SymmetricHypotheses(const ShapeSymmetry& shape_symmetry)
     : near_axis_(shape_symmetry.near_axis.has_value()), axis_(shape_symmetry.axis) {
   symmetries_.emplace_back();
-  most_.push_back(kMaxCost);
   for (const auto* turns : {&shape_symmetry.rotations, &shape_symmetry.near_rotations}) {
+    first_near_ = symmetries_.size();
     for (const Rigid3& turn : *turns) {
       if (symmetries_.size() > ShapeSymmetry::kMax) break;
       symmetries_.push_back(turn);
-      most_.push_back(turns == &shape_symmetry.near_rotations ? kMaxNearCost : kMaxCost);
     }
   }
-  for (const Rigid3& turn : symmetries_) {
+  for (size_t k = 0; k < symmetries_.size(); ++k) {
+    const Rigid3& turn = symmetries_[k];
     logs_.push_back(turn.log());
     const bool other = turn.rotation.angularDistance(Eigen::Quaterniond::Identity()) > kSamePose;
-    const bool near = most_[logs_.size() - 1] == kMaxNearCost;
-    decided_.push_back(other ? kDecided : near ? kSettled : -kMaxCost);
+    if (other) {
+      decided_.emplace_back(kDecided);
+    } else {
+      decided_.push_back(is_near(k) ? std::optional(kSettled) : std::nullopt);
+    }
     to_symmetric_.push_back(right_jacobian_inverse(logs_.back()) * turn.inverse().adjoint());
   }
 }
@@ -153,7 +156,9 @@ void SymmetricHypotheses::add_evidence(std::span<const Observation> set, const R
   }
   const double min =
       *std::min_element(costs.begin(), costs.begin() + static_cast<ptrdiff_t>(symmetries_.size()));
-  for (size_t k = 0; k < symmetries_.size(); ++k) costs[k] = std::min(costs[k] - min, most_[k]);
+  for (size_t k = 0; k < symmetries_.size(); ++k) {
+    costs[k] = std::min(costs[k] - min, is_near(k) ? kMaxNearCost : kMaxCost);
+  }
 }
 
 bool SymmetricHypotheses::choose(Hypothesis& hypothesis) const {
@@ -170,7 +175,7 @@ bool SymmetricHypotheses::choose(Hypothesis& hypothesis) const {
   both.topLeftCorner<6, 6>() = back;
   both.bottomRightCorner<6, 6>() = back;
   estimate.covariance = (both * estimate.covariance * both.transpose()).eval();
-  if (most_[chosen] == kMaxNearCost) {
+  if (is_near(chosen)) {
     // The pose had turned away from the object: its spin is as wrong, and the steps are coarse.
     const Vector6 about = logs_[chosen] / logs_[chosen].head<3>().norm();
     estimate.covariance.topLeftCorner<6, 6>() +=
@@ -190,7 +195,7 @@ bool SymmetricHypotheses::choose(Hypothesis& hypothesis) const {
 
 bool SymmetricHypotheses::ambiguous(const Hypothesis& hypothesis) const {
   for (size_t k = 1; k < symmetries_.size(); ++k) {
-    if (hypothesis.symmetry_costs[k] < hypothesis.symmetry_costs[0] + decided_[k]) {
+    if (decided_[k] && hypothesis.symmetry_costs[k] < hypothesis.symmetry_costs[0] + *decided_[k]) {
       return true;
     }
   }

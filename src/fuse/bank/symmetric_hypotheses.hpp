@@ -49,6 +49,8 @@ class SymmetricHypotheses {
   Eigen::Matrix3d known_rotation(const Eigen::Matrix3d& covariance) const;
 
  private:
+  bool is_near(size_t symmetry) const { return symmetry >= first_near_; }
+
   bool axis_observed(const Matrix6& covariance) const;
   size_t nearest(const Eigen::Quaterniond& turn) const;
   double angle_between(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b) const;
@@ -58,10 +60,12 @@ class SymmetricHypotheses {
                              SymmetryCosts& costs) const;
 
   std::vector<Rigid3> symmetries_;  ///< the identity first
-  std::vector<double> most_;        ///< by symmetry: its cost
   bool near_axis_ = false;
   std::vector<Vector6> logs_;
-  std::vector<double> decided_;  ///< by symmetry: cost above the best from which it is out
+  size_t first_near_ = 0;  ///< index of the first near rotation
+  /// By symmetry: cost above the best from which it is out; empty: the pose itself, turned by less
+  /// than the filter takes back by itself.
+  std::vector<std::optional<double>> decided_;
   /// By symmetry: from a tangent at the pose to that of its logarithm at the symmetric pose.
   std::vector<Matrix6> to_symmetric_;
   std::optional<ShapeSymmetry::Axis> axis_;

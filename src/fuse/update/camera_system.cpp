@@ -79,12 +79,12 @@ CameraSystem linearize(const CameraMeasurement& measurement, const Rigid3& world
   // A capture time that is off by dt, of which a bound is known (taken as a uniform distribution),
   // moves the pose by twist * dt.
   const double bound = to_seconds(measurement.observation->capture_error);
-  const Matrix6* doubt = measurement.observation->calibration_doubt.get();
-  if (bound > 0 || measurement.unproven_translation > 0 || doubt != nullptr) {
+  const Matrix6* extra = measurement.observation->calibration_covariance.get();
+  if (bound > 0 || measurement.unproven_translation > 0 || extra != nullptr) {
     Matrix6 spread = bound * bound / 3.0 * twist_square;
     spread.diagonal().head<3>().array() += measurement.unproven_rotation;
     spread.diagonal().tail<3>().array() += measurement.unproven_translation;
-    if (doubt != nullptr) spread += world_from_object.inverse().covariance_in_target(*doubt);
+    if (extra != nullptr) spread += world_from_object.inverse().covariance_in_target(*extra);
     integrate_out(spread, sum);
   }
   sum.pose_cost = -0.5 * sum.gradient.dot(sum.step_to_minimum);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "recording/recording_desk.hpp"
+#include "recording/recording_manager.hpp"
 
 #include <algorithm>
 #include <charconv>
@@ -64,7 +64,7 @@ Result<std::optional<ByteRange>> parse_range(std::string_view text, uint64_t byt
       ByteRange{*first, std::min(last.value_or(bytes - 1), bytes - 1) - *first + 1});
 }
 
-Json status_json(RecordingKind kind, const KindStatus& status) {
+Json status_json(RecordingKind kind, const RecordingSinkStatus& status) {
   const bool writing = !status.folder.empty();
   Json json{{"kind", to_string(kind)},
             {"state", writing         ? "recording"
@@ -82,26 +82,27 @@ Json status_json(RecordingKind kind, const KindStatus& status) {
 
 }  // namespace
 
-std::shared_ptr<RecordingDesk> RecordingDesk::start(Registry& registry, HeartbeatBoard& beats,
-                                                    std::shared_ptr<HttpWaker> waker,
-                                                    std::shared_ptr<FrameTaps> taps) {
-  std::shared_ptr<RecordingDesk> desk(new RecordingDesk());
-  desk->taps_ = std::move(taps);
-  desk->config_.publish(std::make_shared<const RecordConfig>());
-  desk->viewing_ = KindRecorder::start(RecordingKind::kViewing, registry, beats);
-  desk->poses_ = KindRecorder::start(RecordingKind::kPoses, registry, beats);
-  desk->library_ = RecordingLibrary::start(registry, beats, std::move(waker), [raw = desk.get()] {
-    std::set<std::filesystem::path> active;
-    for (const RecordingKind kind : kRecordingKinds) {
-      const auto folder = raw->status(kind).folder;
-      if (!folder.empty()) active.insert(folder);
-    }
-    return active;
-  });
-  return desk;
+std::shared_ptr<RecordingManager> RecordingManager::start(Registry& registry, HeartbeatBoard& beats,
+                                                          std::shared_ptr<HttpWaker> waker,
+                                                          std::shared_ptr<FrameTaps> taps) {
+  std::shared_ptr<RecordingManager> manager(new RecordingManager());
+  manager->taps_ = std::move(taps);
+  manager->config_.publish(std::make_shared<const RecordConfig>());
+  manager->viewing_ = RecordingSinkWorker::start(RecordingKind::kViewing, registry, beats);
+  manager->poses_ = RecordingSinkWorker::start(RecordingKind::kPoses, registry, beats);
+  manager->library_ =
+      RecordingLibrary::start(registry, beats, std::move(waker), [raw = manager.get()] {
+        std::set<std::filesystem::path> active;
+        for (const RecordingKind kind : kRecordingKinds) {
+          const auto folder = raw->status(kind).folder;
+          if (!folder.empty()) active.insert(folder);
+        }
+        return active;
+      });
+  return manager;
 }
 
-void RecordingDesk::configure(const RecordConfig& config) {
+void RecordingManager::configure(const RecordConfig& config) {
   const RecordConfig before = *config_.read();
   if (before == config) return;
   config_.publish(std::make_shared<const RecordConfig>(config));
@@ -126,13 +127,13 @@ void RecordingDesk::configure(const RecordConfig& config) {
   }
 }
 
-void RecordingDesk::push(const PoseEstimate& estimate, bool of_frame) {
+void RecordingManager::push(const PoseEstimate& estimate, bool of_frame) {
   note_lost(estimate);
   if (!of_frame || !poses_->wants()) return;
   if (auto names = names_.read()) poses_->push(PoseFeed::Entry{estimate, std::move(names)});
 }
 
-void RecordingDesk::note_lost(const PoseEstimate& estimate) {
+void RecordingManager::note_lost(const PoseEstimate& estimate) {
   const size_t index = estimate.object.index();
   if (index >= states_.size()) states_.resize(index + 1, TrackState::kSearching);
   const TrackState before = std::exchange(states_[index], estimate.state);
@@ -147,22 +148,22 @@ void RecordingDesk::note_lost(const PoseEstimate& estimate) {
   }
 }
 
-void RecordingDesk::begin(RecordingKind kind, std::optional<Duration> for_at_most,
-                          const std::string& why) {
+void RecordingManager::begin(RecordingKind kind, std::optional<Duration> for_at_most,
+                             const std::string& why) {
   if (kind == RecordingKind::kViewing) viewing_->begin(for_at_most, why);
   if (kind == RecordingKind::kPoses) poses_->begin(for_at_most, why);
   if (kind != RecordingKind::kSource) return;
   if (const auto source = taps_->recorder.read()) source->begin(for_at_most);
 }
 
-void RecordingDesk::end(RecordingKind kind, const std::string& why) {
+void RecordingManager::end(RecordingKind kind, const std::string& why) {
   if (kind == RecordingKind::kViewing) viewing_->end(why);
   if (kind == RecordingKind::kPoses) poses_->end(why);
   if (kind != RecordingKind::kSource) return;
   if (const auto source = taps_->recorder.read()) source->end();
 }
 
-KindStatus RecordingDesk::status(RecordingKind kind) const {
+RecordingSinkStatus RecordingManager::status(RecordingKind kind) const {
   if (kind == RecordingKind::kViewing) return viewing_->status();
   if (kind == RecordingKind::kPoses) return poses_->status();
   const auto source = taps_->recorder.read();
@@ -172,7 +173,7 @@ KindStatus RecordingDesk::status(RecordingKind kind) const {
           status.since_utc_ns, source->written(), source->dropped()};
 }
 
-Result<std::vector<RecordingKind>> RecordingDesk::kinds_of(const RecordingOrder& order) const {
+Result<std::vector<RecordingKind>> RecordingManager::kinds_of(const RecordingOrder& order) const {
   const auto config = config_.read();
   if (config->directory.empty()) {
     return make_error(ErrorCode::kUnavailable, "",
@@ -192,7 +193,7 @@ Result<std::vector<RecordingKind>> RecordingDesk::kinds_of(const RecordingOrder&
   return kinds;
 }
 
-Status RecordingDesk::begin(const RecordingOrder& order) {
+Status RecordingManager::begin(const RecordingOrder& order) {
   SL_ASSIGN(const auto kinds, kinds_of(order));
   std::optional<Duration> time;
   if (order.seconds) time = from_seconds(*order.seconds);
@@ -200,7 +201,7 @@ Status RecordingDesk::begin(const RecordingOrder& order) {
   return {};
 }
 
-Status RecordingDesk::end(const RecordingOrder& order) {
+Status RecordingManager::end(const RecordingOrder& order) {
   if (order.kinds.empty()) {
     for (const RecordingKind kind : kRecordingKinds) end(kind, "by order");
     return {};
@@ -210,7 +211,7 @@ Status RecordingDesk::end(const RecordingOrder& order) {
   return {};
 }
 
-Status RecordingDesk::mark(const std::string& text) {
+Status RecordingManager::mark(const std::string& text) {
   std::vector<std::filesystem::path> folders;
   for (const RecordingKind kind : kRecordingKinds) {
     const auto folder = status(kind).folder;
@@ -224,7 +225,7 @@ Status RecordingDesk::mark(const std::string& text) {
   return {};
 }
 
-std::string RecordingDesk::json() const {
+std::string RecordingManager::json() const {
   const auto list = library_->list();
   Json json{{"directory", list->directory.string()},
             {"bytes", list->bytes},
@@ -248,8 +249,8 @@ std::string RecordingDesk::json() const {
   return json.dump(2) + "\n";
 }
 
-Result<HttpReply> RecordingDesk::file(const std::string& name, const std::string& file,
-                                      const std::string& range) const {
+Result<HttpReply> RecordingManager::file(const std::string& name, const std::string& file,
+                                         const std::string& range) const {
   const auto list = library_->list();
   const RecordingList::File* const found = list->find(name, file);
   if (found == nullptr) {
@@ -276,7 +277,7 @@ Result<HttpReply> RecordingDesk::file(const std::string& name, const std::string
   return reply;
 }
 
-std::string RecordingDesk::problem() const {
+std::string RecordingManager::problem() const {
   for (const RecordingKind kind : kRecordingKinds) {
     const std::string text = status(kind).problem;
     if (!text.empty()) return fmt::format("{}: {}", to_string(kind), text);
@@ -284,7 +285,7 @@ std::string RecordingDesk::problem() const {
   return "";
 }
 
-std::vector<std::string> RecordingDesk::stop(Duration patience) {
+std::vector<std::string> RecordingManager::stop(Duration patience) {
   const Time end = MonotonicClock::now() + patience;
   const auto rest = [end] { return std::max<Duration>(end - MonotonicClock::now(), 0ns); };
   std::vector<std::string> left;

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "recording/kind_recorder.hpp"
 #include "recording/recording_library.hpp"
+#include "recording/recording_sink_worker.hpp"
 #include "sightline/config/record_config.hpp"
 #include "workers/frame_taps.hpp"
 
@@ -17,11 +17,11 @@ namespace sightline {
 
 /// Everything that is recorded while the daemon runs: begins and ends recordings of the three
 /// kinds, by configuration, by order, and when an object is lost. Lives as long as the process.
-class RecordingDesk {
+class RecordingManager {
  public:
-  static std::shared_ptr<RecordingDesk> start(Registry& registry, HeartbeatBoard& beats,
-                                              std::shared_ptr<HttpWaker> waker,
-                                              std::shared_ptr<FrameTaps> taps);
+  static std::shared_ptr<RecordingManager> start(Registry& registry, HeartbeatBoard& beats,
+                                                 std::shared_ptr<HttpWaker> waker,
+                                                 std::shared_ptr<FrameTaps> taps);
 
   /// The installation in force; begins what it names if it did not before. One thread.
   void configure(const RecordConfig& config);
@@ -32,7 +32,7 @@ class RecordingDesk {
   /// On the estimator's thread; never waits. `of_frame`: one that poses.csv has a row for.
   void push(const PoseEstimate& estimate, bool of_frame);
   /// Where streams hand their packets over.
-  const std::shared_ptr<KindRecorder>& viewing() const { return viewing_; }
+  const std::shared_ptr<RecordingSinkWorker>& viewing() const { return viewing_; }
 
   // Orders of an operator; any thread, none waits. An empty list: those of the configuration.
   Status begin(const RecordingOrder& order);
@@ -49,15 +49,15 @@ class RecordingDesk {
   std::vector<std::string> stop(Duration patience);
 
  private:
-  RecordingDesk() = default;
+  RecordingManager() = default;
   Result<std::vector<RecordingKind>> kinds_of(const RecordingOrder& order) const;
-  KindStatus status(RecordingKind kind) const;
+  RecordingSinkStatus status(RecordingKind kind) const;
   void begin(RecordingKind kind, std::optional<Duration> for_at_most, const std::string& why);
   void end(RecordingKind kind, const std::string& why);
   void note_lost(const PoseEstimate& estimate);
 
   std::shared_ptr<FrameTaps> taps_;
-  std::shared_ptr<KindRecorder> viewing_, poses_;
+  std::shared_ptr<RecordingSinkWorker> viewing_, poses_;
   std::shared_ptr<RecordingLibrary> library_;
   Snapshot<const FeedNames> names_;
   Snapshot<const RecordConfig> config_;  // never null inside

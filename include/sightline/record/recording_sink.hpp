@@ -43,9 +43,9 @@ struct PoseMessage {
 /// Writes the files of one recording into a folder that it makes. After a crash everything up to
 /// the last flush() opens. Passive, one thread; calls may block on the disk. An error (disk full)
 /// is final: later calls repeat it.
-class KindWriter {
+class RecordingSink {
  public:
-  virtual ~KindWriter() = default;  ///< close()s, ignoring errors
+  virtual ~RecordingSink() = default;  ///< close()s, ignoring errors
   /// Of the other kind: does nothing.
   virtual Status append(const ViewPacket&) { return {}; }
   virtual Status append(const PoseMessage&) { return {}; }
@@ -67,14 +67,14 @@ struct ViewingOptions {
 /// capture, to the millisecond; frame number, exact time and poses are in each image's SEI unit.
 /// After a gap in `number` a camera goes on with its next key frame; one whose parameter sets
 /// change goes on in another file.
-Result<std::unique_ptr<KindWriter>> make_viewing_writer(const std::filesystem::path& folder,
-                                                        const ViewingOptions& options);
+Result<std::unique_ptr<RecordingSink>> make_viewing_writer(const std::filesystem::path& folder,
+                                                           const ViewingOptions& options);
 
 enum class PoseFiles : uint8_t { kCsv, kMcap, kBoth };
 
 /// poses.csv (pose_log.hpp), poses.mcap (docs/formats.md), or both.
-Result<std::unique_ptr<KindWriter>> make_poses_writer(const std::filesystem::path& folder,
-                                                      PoseFiles files);
+Result<std::unique_ptr<RecordingSink>> make_poses_writer(const std::filesystem::path& folder,
+                                                         PoseFiles files);
 
 /// A moment that somebody wants to find again.
 struct RecordingMark {

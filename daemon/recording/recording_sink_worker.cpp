@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "recording/kind_recorder.hpp"
+#include "recording/recording_sink_worker.hpp"
 
 #include <algorithm>
 
@@ -29,16 +29,17 @@ Labels labels(RecordingKind kind) { return {{"kind", std::string(to_string(kind)
 
 }  // namespace
 
-std::shared_ptr<KindRecorder> KindRecorder::start(RecordingKind kind, Registry& registry,
-                                                  HeartbeatBoard& beats) {
-  std::shared_ptr<KindRecorder> recorder(new KindRecorder(kind, registry));
+std::shared_ptr<RecordingSinkWorker> RecordingSinkWorker::start(RecordingKind kind,
+                                                                Registry& registry,
+                                                                HeartbeatBoard& beats) {
+  std::shared_ptr<RecordingSinkWorker> recorder(new RecordingSinkWorker(kind, registry));
   recorder->thread_ = WatchedThread(
       beats, "rec:" + recorder->name_, kStallLimit,
       [raw = recorder.get()](std::stop_token stop, Heartbeat& beat) { raw->run(stop, beat); });
   return recorder;
 }
 
-KindRecorder::KindRecorder(RecordingKind kind, Registry& registry)
+RecordingSinkWorker::RecordingSinkWorker(RecordingKind kind, Registry& registry)
     : kind_(kind),
       name_(to_string(kind)),
       dropped_(registry.counter("sightline_recording_dropped_total",
@@ -53,18 +54,18 @@ KindRecorder::KindRecorder(RecordingKind kind, Registry& registry)
       failing_(registry.gauge("sightline_recording_failing",
                               "1 while something should be recorded and is not", labels(kind))) {}
 
-void KindRecorder::configure(KindSettings settings) {
+void RecordingSinkWorker::configure(RecordingSinkSettings settings) {
   const std::lock_guard lock(mutex_);
   settings_ = std::move(settings);
   ++settings_version_;
   update_wants();
 }
 
-void KindRecorder::update_wants() {
+void RecordingSinkWorker::update_wants() {
   wants_ = !settings_.directory.empty() && (order_.wanted || settings_.before > 0ns);
 }
 
-void KindRecorder::begin(std::optional<Duration> for_at_most, const std::string& why) {
+void RecordingSinkWorker::begin(std::optional<Duration> for_at_most, const std::string& why) {
   const std::lock_guard lock(mutex_);
   const bool more = order_.wanted;
   if (!for_at_most) {
@@ -81,7 +82,7 @@ void KindRecorder::begin(std::optional<Duration> for_at_most, const std::string&
   update_wants();
 }
 
-void KindRecorder::end(const std::string& why) {
+void RecordingSinkWorker::end(const std::string& why) {
   const std::lock_guard lock(mutex_);
   if (!order_.wanted) return;
   log::info({.cause = "stop"}, "recording {}: ends ({})", name_, why);
@@ -90,12 +91,12 @@ void KindRecorder::end(const std::string& why) {
   update_wants();
 }
 
-KindStatus KindRecorder::status() const {
+RecordingSinkStatus RecordingSinkWorker::status() const {
   const std::lock_guard lock(mutex_);
   return {order_.wanted, folder_, problem_, since_utc_ns_, written_, dropped_.value()};
 }
 
-void KindRecorder::push_entry(Entry entry) {
+void RecordingSinkWorker::push_entry(Entry entry) {
   const size_t bytes = entry.bytes;
   if (queued_bytes_.fetch_add(bytes) + bytes > kMaxQueuedBytes) {
     queued_bytes_ -= bytes;
@@ -108,20 +109,20 @@ void KindRecorder::push_entry(Entry entry) {
   }
 }
 
-void KindRecorder::push(ViewPacket packet) {
+void RecordingSinkWorker::push(ViewPacket packet) {
   if (!wants_) return;
   const Time time = packet.packet.capture;
   const size_t bytes = packet.packet.bytes->size();
   push_entry({std::move(packet), time, bytes});
 }
 
-void KindRecorder::push(PoseFeed::Entry pose) {
+void RecordingSinkWorker::push(PoseFeed::Entry pose) {
   if (!wants_) return;
   const Time time = pose.estimate.time;
   push_entry({std::move(pose), time, sizeof(PoseFeed::Entry)});
 }
 
-void KindRecorder::run(const std::stop_token& stop, Heartbeat& heartbeat) {
+void RecordingSinkWorker::run(const std::stop_token& stop, Heartbeat& heartbeat) {
   while (!stop.stop_requested()) {
     heartbeat.beat();
     step(stop);
@@ -134,7 +135,7 @@ void KindRecorder::run(const std::stop_token& stop, Heartbeat& heartbeat) {
   close("the program ends");
 }
 
-void KindRecorder::step(const std::stop_token& stop) {
+void RecordingSinkWorker::step(const std::stop_token& stop) {
   const Time now = MonotonicClock::now();
   const bool wanted = follow_orders(now);
   running_.set(writer_ ? 1 : 0);
@@ -151,7 +152,7 @@ void KindRecorder::step(const std::stop_token& stop) {
   flush_if_due(MonotonicClock::now());
 }
 
-bool KindRecorder::follow_orders(Time now) {
+bool RecordingSinkWorker::follow_orders(Time now) {
   bool changed = false, wanted = false;
   {
     const std::lock_guard lock(mutex_);
@@ -175,7 +176,7 @@ bool KindRecorder::follow_orders(Time now) {
   return wanted;
 }
 
-Status KindRecorder::open() {
+Status RecordingSinkWorker::open() {
   const Waiting wait("the disk");
   SL_RETURN_IF_ERROR(check_recording_space(now_.directory));
   const fs::path folder = new_recording_folder(now_.directory, kind_);
@@ -202,7 +203,7 @@ Status KindRecorder::open() {
   return {};
 }
 
-Status KindRecorder::write(const Entry& entry) {
+Status RecordingSinkWorker::write(const Entry& entry) {
   Status done;
   if (const auto* packet = std::get_if<ViewPacket>(&entry.what)) {
     done = writer_->append(*packet);
@@ -218,7 +219,7 @@ Status KindRecorder::write(const Entry& entry) {
   return done;
 }
 
-void KindRecorder::keep(Entry entry) {
+void RecordingSinkWorker::keep(Entry entry) {
   if (now_.before <= 0ns) return;
   ring_bytes_ += entry.bytes;
   ring_.push_back(std::move(entry));
@@ -229,7 +230,7 @@ void KindRecorder::keep(Entry entry) {
   }
 }
 
-void KindRecorder::flush_if_due(Time now) {
+void RecordingSinkWorker::flush_if_due(Time now) {
   if (!writer_ || now - last_flush_ < kFlushEvery) return;
   const bool sync = now - last_sync_ >= kSyncEvery;
   last_flush_ = now;
@@ -239,7 +240,7 @@ void KindRecorder::flush_if_due(Time now) {
   if (const Status done = writer_->flush(sync); !done) fail(done.error());
 }
 
-void KindRecorder::close(const char* why) {
+void RecordingSinkWorker::close(const char* why) {
   if (!writer_) return;
   fs::path folder;
   {
@@ -259,7 +260,7 @@ void KindRecorder::close(const char* why) {
   log::info("recording {}: {} is finished ({})", name_, folder.string(), why);
 }
 
-void KindRecorder::fail(const Error& error) {
+void RecordingSinkWorker::fail(const Error& error) {
   failures_.add();
   const bool empty = writer_ && writer_->written() == 0;
   writer_.reset();
@@ -282,7 +283,7 @@ void KindRecorder::fail(const Error& error) {
   fs::remove_all(folder, ignored);
 }
 
-bool KindRecorder::stop_unless_waiting(Duration patience) {
+bool RecordingSinkWorker::stop_unless_waiting(Duration patience) {
   thread_.request_stop();
   return !thread_.joinable() || thread_.join_unless_waiting(patience);
 }

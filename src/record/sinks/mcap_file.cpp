@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "record/kinds/mcap_file.hpp"
+#include "record/sinks/mcap_file.hpp"
 
 #include <algorithm>
 #include <array>

@@ -7,7 +7,7 @@
 
 #include "sightline/base/unique_fd.hpp"
 #include "sightline/base/waiting.hpp"
-#include "sightline/record/kind_writer.hpp"
+#include "sightline/record/recording_sink.hpp"
 
 namespace sightline {
 namespace {

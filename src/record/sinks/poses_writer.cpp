@@ -2,9 +2,9 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "record/kinds/mcap_file.hpp"
 #include "record/recording_folder.hpp"
-#include "sightline/record/kind_writer.hpp"
+#include "record/sinks/mcap_file.hpp"
+#include "sightline/record/recording_sink.hpp"
 
 namespace sightline {
 
@@ -96,7 +96,7 @@ class PoseMcap {
   std::map<std::string, Channels> objects_;
 };
 
-class PosesWriter final : public KindWriter {
+class PosesWriter final : public RecordingSink {
  public:
   PosesWriter(std::unique_ptr<PoseLogWriter> csv, std::unique_ptr<PoseMcap> mcap)
       : csv_(std::move(csv)), mcap_(std::move(mcap)) {}
@@ -135,7 +135,7 @@ class PosesWriter final : public KindWriter {
 
 }  // namespace
 
-Result<std::unique_ptr<KindWriter>> make_poses_writer(const fs::path& folder, PoseFiles files) {
+Result<std::unique_ptr<RecordingSink>> make_poses_writer(const fs::path& folder, PoseFiles files) {
   SL_RETURN_IF_ERROR(make_recording_folder(folder));
   std::unique_ptr<PoseLogWriter> csv;
   std::unique_ptr<PoseMcap> mcap;
@@ -145,7 +145,7 @@ Result<std::unique_ptr<KindWriter>> make_poses_writer(const fs::path& folder, Po
   if (files != PoseFiles::kCsv) {
     SL_ASSIGN(mcap, PoseMcap::create(folder / "poses.mcap"));
   }
-  return std::unique_ptr<KindWriter>(
+  return std::unique_ptr<RecordingSink>(
       std::make_unique<PosesWriter>(std::move(csv), std::move(mcap)));
 }
 

@@ -4,7 +4,7 @@
 #include "record/media/video_file.hpp"
 #include "record/recording_folder.hpp"
 #include "sightline/image/h264.hpp"
-#include "sightline/record/kind_writer.hpp"
+#include "sightline/record/recording_sink.hpp"
 
 namespace sightline {
 
@@ -13,7 +13,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-class ViewingWriter final : public KindWriter {
+class ViewingWriter final : public RecordingSink {
  public:
   ViewingWriter(fs::path folder, const ViewingOptions& options)
       : folder_(std::move(folder)), options_(options) {}
@@ -110,10 +110,10 @@ class ViewingWriter final : public KindWriter {
 
 }  // namespace
 
-Result<std::unique_ptr<KindWriter>> make_viewing_writer(const fs::path& folder,
-                                                        const ViewingOptions& options) {
+Result<std::unique_ptr<RecordingSink>> make_viewing_writer(const fs::path& folder,
+                                                           const ViewingOptions& options) {
   SL_RETURN_IF_ERROR(make_recording_folder(folder));
-  return std::unique_ptr<KindWriter>(std::make_unique<ViewingWriter>(folder, options));
+  return std::unique_ptr<RecordingSink>(std::make_unique<ViewingWriter>(folder, options));
 }
 
 }  // namespace sightline

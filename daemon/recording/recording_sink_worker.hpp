@@ -14,20 +14,20 @@
 #include "heartbeat.hpp"
 #include "sightline/base/bounded_queue.hpp"
 #include "sightline/base/counters.hpp"
-#include "sightline/record/kind_writer.hpp"
+#include "sightline/record/recording_sink.hpp"
 #include "web/pose_feed.hpp"
 
 namespace sightline {
 
 /// How recordings of one kind are made, until another is said.
-struct KindSettings {
+struct RecordingSinkSettings {
   std::filesystem::path directory;  ///< empty: none are made
   /// Makes the writer of a new folder; called on the recorder's thread.
-  std::function<Result<std::unique_ptr<KindWriter>>(const std::filesystem::path&)> open{};
+  std::function<Result<std::unique_ptr<RecordingSink>>(const std::filesystem::path&)> open{};
   Duration before{};  ///< kept ready at all times, so that a recording begins so long ago; 0: none
 };
 
-struct KindStatus {
+struct RecordingSinkStatus {
   bool wanted = false;           ///< somebody started it and nobody stopped it
   std::filesystem::path folder;  ///< what is written; empty: nothing
   std::string problem;           ///< why nothing is written although it is wanted
@@ -39,14 +39,14 @@ struct KindStatus {
 /// something over never waits for the disk. What does not fit is dropped and counted. A disk that
 /// is full, or not there, ends the recording and nothing else; another is tried for ever, 2 to 60 s
 /// apart, until it is stopped.
-class KindRecorder {
+class RecordingSinkWorker {
  public:
-  static std::shared_ptr<KindRecorder> start(RecordingKind kind, Registry& registry,
-                                             HeartbeatBoard& beats);
-  ~KindRecorder() { (void)stop_unless_waiting(std::chrono::seconds(1)); }
+  static std::shared_ptr<RecordingSinkWorker> start(RecordingKind kind, Registry& registry,
+                                                    HeartbeatBoard& beats);
+  ~RecordingSinkWorker() { (void)stop_unless_waiting(std::chrono::seconds(1)); }
 
   // Any thread; none of them waits.
-  void configure(KindSettings settings);
+  void configure(RecordingSinkSettings settings);
   /// Until end_recording(), or for so long; a recording that is under way lasts at least that.
   /// `why` is for the log.
   void begin(std::optional<Duration> for_at_most, const std::string& why);
@@ -57,7 +57,7 @@ class KindRecorder {
   uint64_t begun() const { return begun_; }
   void push(ViewPacket packet);
   void push(PoseFeed::Entry pose);
-  KindStatus status() const;
+  RecordingSinkStatus status() const;
 
   /// Finishes what is written. Leaves a thread that waits for the disk once `patience` has passed:
   /// false then.
@@ -75,7 +75,7 @@ class KindRecorder {
     bool operator==(const Order&) const = default;
   };
 
-  KindRecorder(RecordingKind kind, Registry& registry);
+  RecordingSinkWorker(RecordingKind kind, Registry& registry);
   void push_entry(Entry entry);
   void run(const std::stop_token& stop, Heartbeat& heartbeat);
   void step(const std::stop_token& stop);
@@ -99,7 +99,7 @@ class KindRecorder {
   Gauge &running_, &failing_;
 
   mutable std::mutex mutex_;  // guards the seven below
-  KindSettings settings_;
+  RecordingSinkSettings settings_;
   uint64_t settings_version_ = 0;
   Order order_;
   std::filesystem::path folder_;
@@ -108,9 +108,9 @@ class KindRecorder {
   std::string said_;  // why it stopped last, as the log has it
 
   // The thread's own.
-  KindSettings now_;
+  RecordingSinkSettings now_;
   uint64_t now_version_ = 0;
-  std::unique_ptr<KindWriter> writer_;
+  std::unique_ptr<RecordingSink> writer_;
   std::deque<Entry> ring_;
   size_t ring_bytes_ = 0;
   Duration wait_{};  // before the next attempt
