@@ -12,6 +12,7 @@ namespace sightline::cli {
 namespace {
 
 constexpr double kRightDistance = 0.03, kRightAngle = 0.26;  // 30 mm, 15 deg
+constexpr double kRightDepth = 0.06;  // of the distance, where one camera looks alone
 constexpr Duration kMaxTruthGap = std::chrono::milliseconds(200);
 
 // By how much a proposed pose may be off when the trackers look at it.
@@ -38,6 +39,7 @@ class SetSearcher {
                                                      bool foreign, bool explain) {
     std::unique_ptr<SetSearcher> made(new SetSearcher());
     made->installation_ = installation;
+    made->cameras_ = detector_cameras(installation);
     made->truth_ = std::move(truth);
     made->max_gap_ = key_frames ? Duration(0) : kMaxTruthGap;
     made->foreign_ = foreign;
@@ -78,8 +80,15 @@ class SetSearcher {
   const RigObject& shape() const { return rig_.objects.front(); }
 
   bool right(const Rigid3& truth, const Rigid3& pose) const {
-    const Eigen::Vector3d& center = shape().views->center();
-    if ((truth * center - pose * center).norm() >= kRightDistance) return false;
+    const Eigen::Vector3d center = truth * shape().views->center();
+    Eigen::Vector3d error = pose * shape().views->center() - center;
+    if (cameras_.size() == 1) {
+      const Eigen::Vector3d ray =
+          center - cameras_.front().calibration.world_from_camera.translation;
+      const double depth = error.dot(ray) / ray.squaredNorm();
+      if (std::abs(depth) < kRightDepth) error -= depth * ray;
+    }
+    if (error.norm() >= kRightDistance) return false;
     return shape().views->angle_up_to_symmetry(truth, pose) < kRightAngle;
   }
 
@@ -95,17 +104,16 @@ class SetSearcher {
   }
 
   Status prepare_explanation() {
-    const std::vector<DetectorCamera> cameras = detector_cameras(installation_);
     if (shape().samples) {
-      SL_ASSIGN(colors_, ColorVerifier::create(*shape().samples, cameras));
+      SL_ASSIGN(colors_, ColorVerifier::create(*shape().samples, cameras_));
     }
-    for (const DetectorCamera& camera : cameras) {
+    for (const DetectorCamera& camera : cameras_) {
       SL_ASSIGN(auto observer, CameraObserver::create(installation_, rig_, camera.id));
       observers_.push_back(std::move(observer));
     }
     DetectorOptions options = installation_.detect.detector;
     options.volume = installation_.scene.volume;
-    SL_ASSIGN(detector_, ObjectDetector::create(shape().named.id, shape().views, cameras, options,
+    SL_ASSIGN(detector_, ObjectDetector::create(shape().named.id, shape().views, cameras_, options,
                                                 run_in_parallel));
     return {};
   }
@@ -119,7 +127,7 @@ class SetSearcher {
       if (colors_) colors_->add_frame(frame->info().camera, *frame);
     }
     const double start = process_cpu_ms();
-    detector_->explain(out.trace);
+    detector_->explain(out.trace, colors_.get());
     for (auto& stage : out.trace.stages) stage.at_ms -= start;
     const auto truth = truth_at(truth_, out.trace.time, max_gap_);
     if (truth) {
@@ -176,6 +184,7 @@ class SetSearcher {
   }
 
   Installation installation_;
+  std::vector<DetectorCamera> cameras_;
   Rig rig_;
   std::vector<TruthRow> truth_;
   Duration max_gap_{};

@@ -147,7 +147,7 @@ TEST(DetectorFrames, LeaveOutWhatIsTooOld) {
 
 TEST(PoseScan, HitsTheObjectInOneCamera) {
   DetectorFrames frames = scene().frames();
-  frames.compute_responses(scene().distances.map_margin);
+  frames.compute_responses(scene().distances.map_margin, DetectorFrames::Edges::kBorders);
   PoseScan scan(scene().bank, scene().distances, 12000);
   for (const size_t expected : {0u, 1u, 2u, 0u}) {
     EXPECT_EQ(scan.next_camera(frames, false), expected);
@@ -203,7 +203,7 @@ TEST(PoseScan, KeepsToAPartOfTheImage) {
 
 TEST(PoseVerification, FindsWhereAllCamerasAgree) {
   DetectorFrames frames = scene().frames();
-  frames.compute_responses(scene().distances.map_margin);
+  frames.compute_responses(scene().distances.map_margin, DetectorFrames::Edges::kBorders);
   const PoseScan scan(scene().bank, scene().distances, 12000);
   const PoseVerification verification(scene().bank, scene().silhouettes);
   const auto poses = verification.by_edges(frames, scan.scan(frames, 0, false));
@@ -259,7 +259,7 @@ TEST(ObjectDetector, TheSameWithAnyExecutor) {
 
 TEST(PoseVerification, FollowsFromNearby) {
   DetectorFrames frames = scene().frames();
-  frames.compute_responses(scene().distances.map_margin);
+  frames.compute_responses(scene().distances.map_margin, DetectorFrames::Edges::kBorders);
   const PoseVerification verification(scene().bank, scene().silhouettes);
   const Rigid3 start = scene().truth * turned(0.1, {0, 1, 1}, {0.012, -0.01, 0.008});
   const auto moved = verification.follow(frames, {}, start);
@@ -405,14 +405,14 @@ TEST(ColorSilhouettes, TellTheOrientationAtAPlace) {
 
 TEST(ContourSearch, TheTruthStandsOutFromItsSurroundings) {
   DetectorFrames frames = scene().frames();
-  frames.compute_responses(scene().distances.map_margin);
+  frames.compute_responses(scene().distances.map_margin, DetectorFrames::Edges::kBorders);
   const PoseFitter fitter(scene().bank.model());
   const ContourSearch contours(scene().bank, scene().silhouettes, fitter);
   const PoseScan scan(scene().bank, scene().distances, 12000);
   DetectionTrace trace;
   const PoseVerification verification(scene().bank, scene().silhouettes);
   const auto verified = verification.by_edges(frames, scan.scan(frames, 0, false));
-  const auto poses = contours.search(frames, verified, &trace);
+  const auto poses = contours.search(frames, verified, nullptr, &trace);
   ASSERT_FALSE(poses.empty());
   const Rigid3& best = poses.front().fit.motion.world_from_object;
   EXPECT_LT(translation_distance(best, scene().truth), 0.006);

@@ -175,33 +175,13 @@ TriangleMesh colored_carton() {
   return mesh;
 }
 
-std::vector<SurfaceSample> samples_of(const TriangleMesh& mesh) {
-  std::vector<SurfaceSample> samples;
-  Random random(3);
-  for (size_t f = 0; f < mesh.faces.size(); ++f) {
-    const Eigen::Vector3f& p = mesh.vertices[mesh.faces[f][0]];
-    const Eigen::Vector3f u = mesh.vertices[mesh.faces[f][1]] - p;
-    const Eigen::Vector3f v = mesh.vertices[mesh.faces[f][2]] - p;
-    const Eigen::Vector3f rgb = mesh.face_colors[f].array().pow(1 / 2.2f);
-    const float luma = 0.299f * rgb.x() + 0.587f * rgb.y() + 0.114f * rgb.z();
-    const Eigen::Vector3f yuv(16 + 219 * luma, 128 + 126 * (rgb.z() - luma),
-                              128 + 160 * (rgb.x() - luma));
-    for (int i = 0; i < 100; ++i) {
-      float a = static_cast<float>(random.uniform()), b = static_cast<float>(random.uniform());
-      if (a + b > 1) a = 1 - a, b = 1 - b;
-      samples.push_back({p + a * u + b * v, u.cross(v).normalized(), yuv});
-    }
-  }
-  return samples;
-}
-
 TEST(ColorVerifier, DecidesBetweenSymmetricPosesByColor) {
   const TriangleMesh mesh = colored_carton();
   const SceneRig rig(search_scene(mesh, resting(turned(0.7, {1, 3, 2}, {0.01, 0.02, 0}))));
   const auto detector = detector_for(rig, mesh);
   const std::vector<DetectorCamera> cameras = detector_cameras(rig);
   EXPECT_FALSE(ColorVerifier::create({}, cameras));
-  const auto colors = ColorVerifier::create(samples_of(mesh), cameras).value();
+  const auto colors = ColorVerifier::create(test::samples_of(mesh), cameras).value();
   add_frames(rig, *detector);
   Detection found = first_found(rig, *detector);
   ASSERT_GT(found.poses.size(), 1u);

@@ -5,9 +5,11 @@
 #include <memory>
 #include <vector>
 
+#include "sightline/observe/shape/surface_sample.hpp"
 #include "sightline/observe/shape/viewpoint_model.hpp"
 #include "sightline/observe/terms/detection.hpp"
 #include "sightline/pipeline/mesh_depth_renderer.hpp"
+#include "support/random.hpp"
 #include "support/scene_rig.hpp"
 
 namespace sightline::test {
@@ -23,6 +25,27 @@ inline std::shared_ptr<const ViewpointModel> views_of(const TriangleMesh& mesh) 
 
 inline Rigid3 turned(double angle, const Eigen::Vector3d& axis, const Eigen::Vector3d& place) {
   return {Eigen::Quaterniond(Eigen::AngleAxisd(angle, axis.normalized())), place};
+}
+
+/// A hundred places of each face, in the face's color as an image shows it.
+inline std::vector<SurfaceSample> samples_of(const TriangleMesh& mesh) {
+  std::vector<SurfaceSample> samples;
+  Random random(3);
+  for (size_t f = 0; f < mesh.faces.size(); ++f) {
+    const Eigen::Vector3f& p = mesh.vertices[mesh.faces[f][0]];
+    const Eigen::Vector3f u = mesh.vertices[mesh.faces[f][1]] - p;
+    const Eigen::Vector3f v = mesh.vertices[mesh.faces[f][2]] - p;
+    const Eigen::Vector3f rgb = mesh.face_colors[f].array().pow(1 / 2.2f);
+    const float luma = 0.299f * rgb.x() + 0.587f * rgb.y() + 0.114f * rgb.z();
+    const Eigen::Vector3f yuv(16 + 219 * luma, 128 + 126 * (rgb.z() - luma),
+                              128 + 160 * (rgb.x() - luma));
+    for (int i = 0; i < 100; ++i) {
+      float a = static_cast<float>(random.uniform()), b = static_cast<float>(random.uniform());
+      if (a + b > 1) a = 1 - a, b = 1 - b;
+      samples.push_back({p + a * u + b * v, u.cross(v).normalized(), yuv});
+    }
+  }
+  return samples;
 }
 
 /// Three cameras in a cluttered room; `shape` rests or moves in their middle.

@@ -2,13 +2,12 @@
 #include "observe/detect/contour_search.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <functional>
 #include <numeric>
-#include <set>
 
 #include "observe/detect/colors/color_silhouettes.hpp"
+#include "observe/detect/colors/pose_pool.hpp"
 #include "observe/detect/detect_constants.hpp"
 #include "observe/detect/pixels/sector_contrast.hpp"
 
@@ -37,30 +36,9 @@ void note(DetectionTrace* trace, const char* name, const std::vector<ContourPose
   trace->stages.push_back(std::move(stage));
 }
 
-template <typename Pose>
-void sort_by_score(std::vector<Pose>& poses) {
+void sort_by_score(std::vector<ContourPose>& poses) {
   std::stable_sort(poses.begin(), poses.end(),
-                   [](const Pose& a, const Pose& b) { return a.score > b.score; });
-}
-
-// The best pose of each cell of place and rotation, at most `max`; sorted.
-std::vector<JointPose> thinned(std::span<const JointPose> sorted, const Eigen::Vector3d& center,
-                               double place_step, double angle_step, size_t max) {
-  std::set<std::array<int, 7>> taken;
-  std::vector<JointPose> out;
-  for (const JointPose& pose : sorted) {
-    if (out.size() == max) break;
-    const Eigen::Vector3d place = pose.world_from_object * center / place_step;
-    Eigen::Vector4d q = pose.world_from_object.rotation.coeffs() * (2 / angle_step);
-    if (q.w() < 0) q = -q;
-    std::array<int, 7> cell;
-    for (int i = 0; i < 3; ++i)
-      cell[static_cast<size_t>(i)] = static_cast<int>(std::floor(place[i]));
-    for (int i = 0; i < 4; ++i)
-      cell[static_cast<size_t>(3 + i)] = static_cast<int>(std::lround(q[i]));
-    if (taken.insert(cell).second) out.push_back(pose);
-  }
-  return out;
+                   [](const ContourPose& a, const ContourPose& b) { return a.score > b.score; });
 }
 
 }  // namespace
@@ -162,17 +140,19 @@ std::vector<ContourPose> ContourSearch::fit_promising(const DetectorFrames& fram
 // Those that stand out where they are, before anything is fitted.
 std::vector<JointPose> ContourSearch::screened(const DetectorFrames& frames,
                                                std::vector<JointPose> poses,
+                                               const MeshColors* colors,
                                                DetectionTrace* trace) const {
   const double radius = bank_.model().radius();
   const JointSearch joint(bank_, frames.search_cameras(), executor_);
   joint.climb(poses, JointSearch::Spread::kFar, 0.15, 0.25 * radius, 0);
-  sort_by_score(poses);
-  if (poses.size() > kMaxClimbedOn) poses.resize(kMaxClimbedOn);
+  add_agreement(colors, poses, executor_);
+  keep_best(poses, kMaxClimbedOn);
   joint.climb(poses, JointSearch::Spread::kFar, 0.075, 0.125 * radius, 1);
   sort_by_score(poses);
   poses = thinned(poses, bank_.model().center(), 0.1 * radius, 0.12, kMaxPool);
   note(trace, "climbed", poses);
-  if (poses.size() > kMaxScreened) poses.resize(kMaxScreened);
+  add_agreement(colors, poses, executor_);
+  keep_best(poses, kMaxScreened);
   executor_(poses.size(), [&](size_t i) {
     const RigMotion resting{poses[i].world_from_object, Vector6::Zero()};
     PoseFit here = fitter_.lines(frames.fit_cameras(), resting, kScreenedStep);
@@ -180,7 +160,7 @@ std::vector<JointPose> ContourSearch::screened(const DetectorFrames& frames,
   });
   sort_by_score(poses);
   note(trace, "screened", poses);
-  if (poses.size() > kMaxContourFits) poses.resize(kMaxContourFits);
+  keep_best(poses, kMaxContourFits);
   return poses;
 }
 
@@ -212,12 +192,15 @@ void ContourSearch::add_variants(const DetectorFrames& frames,
 
 std::vector<ContourPose> ContourSearch::search(const DetectorFrames& frames,
                                                std::span<const JointPose> verified,
+                                               const MeshColors* colors,
                                                DetectionTrace* trace) const {
   const double step = 0.25 * bank_.model().radius();
-  std::vector<JointPose> poses = thinned(verified, bank_.model().center(), step, 0.25, kMaxPool);
+  std::vector<JointPose> found(verified.begin(), verified.end());
+  add_agreement(colors, found, executor_);
+  std::vector<JointPose> poses = best_of_cells(found, bank_.model().center(), step, 0.25, kMaxPool);
   note(trace, "pool", poses);
   std::vector<RigMotion> starts;
-  for (const JointPose& pose : screened(frames, std::move(poses), trace)) {
+  for (const JointPose& pose : screened(frames, std::move(poses), colors, trace)) {
     starts.push_back({pose.world_from_object, Vector6::Zero()});
   }
   std::vector<ContourPose> fits = fit_promising(frames, starts, kSearchReach, 0);

@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "observe/detect/colors/mesh_colors.hpp"
 #include "observe/detect/detect_constants.hpp"
 #include "observe/detect/detector_frames.hpp"
 #include "observe/detect/joint_search.hpp"
@@ -39,7 +40,7 @@ class ContourSearch {
   /// Of what PoseVerification::verify() has made of the scan, best first; needs the response maps
   /// of the frames. `trace` null: nobody asks.
   std::vector<ContourPose> search(const DetectorFrames& frames, std::span<const JointPose> verified,
-                                  DetectionTrace* trace) const;
+                                  const MeshColors* colors, DetectionTrace* trace) const;
   /// Poses that are fitted from these starts, and other orientations there. Best first.
   std::vector<ContourPose> fit(const DetectorFrames& frames,
                                std::span<const RigMotion> starts) const;
@@ -60,7 +61,7 @@ class ContourSearch {
   std::vector<ContourPose> fit(const DetectorFrames& frames, std::span<const RigMotion> starts,
                                double reach, const FitEffort& effort) const;
   std::vector<JointPose> screened(const DetectorFrames& frames, std::vector<JointPose> poses,
-                                  DetectionTrace* trace) const;
+                                  const MeshColors* colors, DetectionTrace* trace) const;
   void add_variants(const DetectorFrames& frames, std::vector<ContourPose>& fits) const;
   /// All orientations at the place of the best: an outline that leaves a part of the object out
   /// stands out as well as the whole one, but more of what looks like the object lies outside.

@@ -17,6 +17,8 @@ constexpr float kEdgeOverMedian = 2.5f;   // noise and fine texture everywhere a
 constexpr float kColorWeight = 1.5f;      // color has less noise and a smaller range than luma
 constexpr int kNeighborBinResponse = 3;   // of an edge one bin off
 constexpr double kResponseClutter = 0.4;  // taken off the response for each other direction
+constexpr float kBorderContrast = 0.5f;   // of the two sides of an edge between regions
+constexpr float kWithinResponse = 0.5f;   // of the response, to an edge within a region
 constexpr int kForegroundMargin = 3;      // [half-size px] edges so near to the foreground count
 constexpr double kMinForegroundShare = 3e-4;  // of the image, to search the foreground first
 
@@ -26,6 +28,7 @@ constexpr double kDistanceStep = 1.25;  // ratio of the distances that are tried
 constexpr int kMaxDistances = 12;
 constexpr size_t kOutlineFeatures = 20;    // of a template; the rest are inner edges
 constexpr int kScanRowStep = 2;            // the responses are spread over more than that
+constexpr size_t kColoredHits = 4;         // times as many hits are compared by colors
 constexpr size_t kFocusedHitsDivisor = 8;  // fewer hits where only the foreground is searched
 
 // ---- verify ------------------------------------------------------------------------------------
@@ -88,6 +91,9 @@ constexpr double kMaxContourRival = 0.75;  // of the best, at another place
 // The same where the mesh has colors and the images do not show them: another paint, or another
 // thing.
 constexpr double kNoColorsAgree = 0.15, kMaxContourRivalWithoutColors = 0.6;
+// Below that, the score has to be clear: a drill's body, found as its handle, has 0.22 (the truth
+// 0.4).
+constexpr double kFewColorsAgree = 0.25;
 constexpr double kOtherPlace = 1.0;  // of the radius
 // A score so much more than the best rival's is believed at once, if it is so high or the mesh's
 // colors agree (a mesh without has none that do not); else when a second search finds the same, as
@@ -113,10 +119,12 @@ constexpr double kClearlyWorse = 0.1;  // correlation below that of the best pos
 // The colors of the mesh may be anything, so they do not refuse a pose; but where they agree with
 // the images, less of outline and edges is enough.
 constexpr double kColorsAgree = 0.35;  // correlation
-// Poses with at least this share of the best score are compared by colors; what agrees so much less
-// than the one that agrees best counts for less. At true poses the correlation is 0.3 to 0.57 (toy,
-// kettle, drill), at the best wrong one 0.26 at most.
-constexpr double kComparedByColors = 0.6, kOtherColors = 0.25, kOtherColorsWeight = 0.75;
+// Poses with at least this share of the best score are compared by colors: what agrees less than
+// the one that agrees best, by more than kSameColors, counts for less, by kOtherColors more for
+// half. One camera: 0.27 to 0.77 at true poses, -0.3 to 0.2 at most wrong ones (toy, kettle,
+// drill).
+constexpr double kComparedByColors = 0.6, kLeastColors = 0.2;
+constexpr double kSameColors = 0.1, kOtherColors = 0.3, kOtherColorsPenalty = 0.5;
 constexpr double kEvidenceWithColors = 0.75;  // of the evidence that is asked for
 constexpr double kEvidenceWithoutColors = 1.35;
 // Of a print: correlation at poses that are right 0.53 to 0.7 (a cube in a hand), 0.85 (bench), at

@@ -72,6 +72,7 @@ bool DetectorFrames::select(bool focused) {
   }
   work_.images += active_.size();
   edges_.resize(active_.size());
+  borders_.resize(active_.size());
   masks_.resize(active_.size());
   search_cameras_.resize(active_.size());
   fit_cameras_.resize(active_.size());
@@ -96,8 +97,12 @@ void DetectorFrames::prepare(size_t i, bool focused) {
   fit_cameras_[i] = {&camera, search.camera_from_world, &image, &edges_[i], 0, foreground(i)};
 }
 
-void DetectorFrames::compute_responses(int margin) {
-  for (size_t i = 0; i < active_.size(); ++i) search_cameras_[i].respond_to(edges_[i], margin);
+void DetectorFrames::compute_responses(int margin, Edges edges) {
+  executor_(active_.size(), [&](size_t i) {
+    if (edges == Edges::kBorders) borders_[i].compute(*fit_cameras_[i].image, edges_[i]);
+    search_cameras_[i].respond_to(
+        edges_[i], edges == Edges::kBorders ? borders_[i].bins() : edges_[i].bins(), margin);
+  });
 }
 
 void DetectorFrames::set_reference(Time reference) {

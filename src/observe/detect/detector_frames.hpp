@@ -7,6 +7,7 @@
 
 #include "observe/detect/pixels/edge_maps.hpp"
 #include "observe/detect/pixels/half_size_frame.hpp"
+#include "observe/detect/pixels/region_borders.hpp"
 #include "observe/detect/pose_fit.hpp"
 #include "observe/detect/search_camera.hpp"
 #include "observe/detect/search_distances.hpp"
@@ -34,8 +35,11 @@ class DetectorFrames {
   /// Chooses the frames that take part and finds their edges; false without any. `focused`: only
   /// edges near the foreground, where that is known. The reference time is that of the newest.
   bool select(bool focused);
+  /// Which edges the responses are to in full: where anything may be, those between regions lead
+  /// out of clutter; near a place that is known, any will do.
+  enum class Edges { kAll, kBorders };
   /// Response maps of the chosen frames, for scan() and JointSearch; made when they are needed.
-  void compute_responses(int margin);
+  void compute_responses(int margin, Edges edges);
   /// Time that poses refer to; those of the images count from it.
   void set_reference(Time reference);
 
@@ -77,6 +81,7 @@ class DetectorFrames {
   Time newest_{};
   std::vector<size_t> active_;  ///< cameras that take part; what follows is by these
   std::vector<EdgeImage> edges_;
+  std::vector<RegionBorders> borders_;
   std::vector<std::vector<uint8_t>> masks_;
   std::vector<SearchCamera> search_cameras_;
   std::vector<FitCamera> fit_cameras_;

@@ -15,6 +15,7 @@ namespace sightline::observe {
 struct JointPose {
   Rigid3 world_from_object;
   double score = 0;
+  double colors = 0;  ///< MeshColors::agreement(), where it was asked for
 };
 
 /// Scores whole poses in all cameras together.

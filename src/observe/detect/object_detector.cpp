@@ -6,6 +6,7 @@
 
 #include "observe/detect/check_options.hpp"
 #include "observe/detect/colors/contour_colors.hpp"
+#include "observe/detect/colors/mesh_colors.hpp"
 #include "observe/detect/contour_search.hpp"
 #include "observe/detect/detect_constants.hpp"
 #include "observe/detect/detection_judge.hpp"
@@ -50,7 +51,7 @@ class ObjectDetector::Impl {
     // Of many poses at a place in an image some fit: those elsewhere have to be known, too.
     const auto* pose = std::get_if<Rigid3>(&hint);
     if (pose == nullptr || !frames_.select(false)) return out;
-    frames_.compute_responses(distances_.map_margin);
+    frames_.compute_responses(distances_.map_margin, DetectorFrames::Edges::kAll);
     out.time = frames_.newest();
     const auto cameras = frames_.silhouette_cameras(distances_);
     for (const Rigid3& moved : verification_.follow(frames_, cameras, *pose)) {
@@ -67,7 +68,7 @@ class ObjectDetector::Impl {
     Detection out;
     const bool focused = !everywhere_next_ && frames_.show_foreground();
     if (!frames_.select(focused)) return out;
-    frames_.compute_responses(distances_.map_margin);
+    frames_.compute_responses(distances_.map_margin, DetectorFrames::Edges::kBorders);
     const size_t scanned = scan_.next_camera(frames_, focused);
     out.time = frames_.info(scanned).capture;
     frames_.set_reference(out.time);
@@ -86,7 +87,9 @@ class ObjectDetector::Impl {
     });
     std::vector<ContourPose> contours;
     if (!clear) {
-      contours = search_contours(scan_.scan(frames_, scanned, focused));
+      const auto mesh_colors = colors_of(colors);
+      contours = search_contours(scan_.scan(frames_, scanned, focused, mesh_colors.get()),
+                                 mesh_colors.get());
       for (const ContourPose& pose : contours) {
         judged.push_back(judge_.judge(fitter_.with_contrast(frames_.fit_cameras(), pose.fit)));
       }
@@ -105,15 +108,16 @@ class ObjectDetector::Impl {
     return out;
   }
 
-  void explain(DetectionTrace& trace) {
+  void explain(DetectionTrace& trace, const ColorVerifier* colors) {
     if (!frames_.select(false)) return;
-    frames_.compute_responses(distances_.map_margin);
+    frames_.compute_responses(distances_.map_margin, DetectorFrames::Edges::kBorders);
     const size_t scanned = scan_.next_camera(frames_, false);
     trace.time = frames_.info(scanned).capture;
     frames_.set_reference(trace.time);
-    const ScanResult hits = scan_.scan(frames_, scanned, false);
+    const auto mesh_colors = colors_of(colors);
+    const ScanResult hits = scan_.scan(frames_, scanned, false, mesh_colors.get());
     note_hits(hits, trace);
-    contours_.search(frames_, verification_.by_edges(frames_, hits), &trace);
+    contours_.search(frames_, verification_.by_edges(frames_, hits), mesh_colors.get(), &trace);
   }
 
   PoseAssessment assess(const Rigid3& world_from_object) const {
@@ -159,7 +163,7 @@ class ObjectDetector::Impl {
   Detection follow(const Detection& earlier) {
     Detection out;
     if (earlier.poses.empty() || !frames_.select(false)) return out;
-    frames_.compute_responses(distances_.map_margin);
+    frames_.compute_responses(distances_.map_margin, DetectorFrames::Edges::kAll);
     out.time = frames_.newest();
     const auto cameras = frames_.silhouette_cameras(distances_);
     std::vector<JudgedPose> judged;
@@ -259,6 +263,16 @@ class ObjectDetector::Impl {
     }
   }
 
+  // Of the mesh, in the frames that are searched; null: it has none.
+  std::unique_ptr<const MeshColors> colors_of(const ColorVerifier* colors) {
+    if (colors == nullptr) return nullptr;
+    if (!color_templates_) color_templates_.emplace(bank_, colors->samples());
+    std::vector<const HalfSizeImage*> images;
+    for (const FitCamera& camera : frames_.fit_cameras()) images.push_back(camera.image);
+    return std::make_unique<const MeshColors>(bank_, *color_templates_, frames_.search_cameras(),
+                                              images, executor_);
+  }
+
   double center_distance(const Rigid3& a, const Rigid3& b) const {
     return (a * model().center() - b * model().center()).norm();
   }
@@ -293,7 +307,7 @@ class ObjectDetector::Impl {
   }
 
   // By contours, what somebody told of among it. Best first.
-  std::vector<ContourPose> search_contours(const ScanResult& hits) const {
+  std::vector<ContourPose> search_contours(const ScanResult& hits, const MeshColors* colors) const {
     std::vector<JointPose> verified = verification_.by_edges(frames_, hits);
     if (const auto* place = hint_ ? std::get_if<ImageHint>(&*hint_) : nullptr) {
       const std::vector<JointPose> about = verified_about(*place);
@@ -306,7 +320,7 @@ class ObjectDetector::Impl {
                model().radius();
       });
     }
-    std::vector<ContourPose> poses = contours_.search(frames_, verified, nullptr);
+    std::vector<ContourPose> poses = contours_.search(frames_, verified, colors, nullptr);
     std::erase_if(poses, [&](const ContourPose& pose) {
       return !possible(pose.fit.motion.world_from_object);
     });
@@ -327,12 +341,13 @@ class ObjectDetector::Impl {
     const double agreement =
         colors != nullptr ? colors->correlation(best.world_from_object, best.twist, time) : 1;
     judge_.decide_by_contour(
-        frames_, contours, kMinContourScore,
+        frames_, contours, agreement < kFewColorsAgree ? kClearContourScore : kMinContourScore,
         agreement < kNoColorsAgree ? kMaxContourRivalWithoutColors : kMaxContourRival, found);
     if (found.poses.empty()) return found;
     const double score = found.poses.front().evidence;
     const bool clear = score - found.runner_up >= kClearContourMargin &&
-                       (score >= kClearContourScore || agreement >= kColorsAgree);
+                       (agreement >= kColorsAgree ||
+                        (score >= kClearContourScore && agreement >= kFewColorsAgree));
     const bool confirmed =
         clear || as_told(found) || (weakly_found_ && consistent(*weakly_found_, found));
     weakly_found_.reset();
@@ -387,7 +402,8 @@ class ObjectDetector::Impl {
   const PoseFitter fitter_;
   const ContourSearch contours_;
   const DetectionJudge judge_;
-  std::optional<SearchHint> hint_;         ///< for the next detect()
+  std::optional<ColorTemplates> color_templates_;  ///< made when they are first asked for
+  std::optional<SearchHint> hint_;                 ///< for the next detect()
   std::vector<RigMotion> told_;            ///< what came nearest to such a pose, in these frames
   bool everywhere_next_ = false;           ///< a search of the foreground has found nothing
   std::optional<Detection> weakly_found_;  ///< by contours in the newest search, not yet believed
@@ -410,7 +426,9 @@ void ObjectDetector::add_frame(CameraId camera, const Frame& frame,
 }
 Detection ObjectDetector::detect_at(const SearchHint& hint) { return impl_->detect_at(hint); }
 Detection ObjectDetector::detect(const ColorVerifier* colors) { return impl_->detect(colors); }
-void ObjectDetector::explain(DetectionTrace& trace) { impl_->explain(trace); }
+void ObjectDetector::explain(DetectionTrace& trace, const ColorVerifier* colors) {
+  impl_->explain(trace, colors);
+}
 PoseAssessment ObjectDetector::assess(const Rigid3& world_from_object) const {
   return impl_->assess(world_from_object);
 }

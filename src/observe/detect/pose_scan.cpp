@@ -8,6 +8,31 @@
 #include "observe/detect/detect_constants.hpp"
 
 namespace sightline::observe {
+namespace {
+
+// Half of them by score, half by the product of score and colors.
+void keep_best(std::vector<ScanHit>& hits, const ScanRange& range, const MeshColors& colors,
+               size_t camera, size_t max) {
+  if (hits.size() <= max) return;
+  const size_t half = max / 2;
+  std::vector<std::pair<float, size_t>> rest;
+  rest.reserve(hits.size());
+  for (size_t i = half; i < hits.size(); ++i) {
+    const float agreement = colors.agreement(camera, template_pose(hits[i], range));
+    rest.emplace_back(static_cast<float>(hits[i].score) * std::max(0.0f, agreement), i);
+  }
+  const auto end = rest.begin() + static_cast<ptrdiff_t>(std::min(max - half, rest.size()));
+  std::partial_sort(rest.begin(), end, rest.end(), [](const auto& a, const auto& b) {
+    return a.first > b.first || (a.first == b.first && a.second < b.second);
+  });
+  std::vector<ScanHit> kept(hits.begin(), hits.begin() + static_cast<ptrdiff_t>(half));
+  for (auto i = rest.begin(); i != end; ++i) kept.push_back(hits[i->second]);
+  std::stable_sort(kept.begin(), kept.end(),
+                   [](const ScanHit& a, const ScanHit& b) { return a.score > b.score; });
+  hits = std::move(kept);
+}
+
+}  // namespace
 
 size_t PoseScan::next_camera(const DetectorFrames& frames, bool focused) {
   for (size_t i = 0; focused && i < frames.size(); ++i) {
@@ -18,7 +43,8 @@ size_t PoseScan::next_camera(const DetectorFrames& frames, bool focused) {
   return next_++ % frames.size();
 }
 
-ScanResult PoseScan::scan(const DetectorFrames& frames, size_t camera, bool focused) const {
+ScanResult PoseScan::scan(const DetectorFrames& frames, size_t camera, bool focused,
+                          const MeshColors* colors) const {
   ScanResult out;
   out.camera = camera;
   out.range.max = focused ? max_hits_ / kFocusedHitsDivisor : max_hits_;
@@ -35,7 +61,7 @@ ScanResult PoseScan::scan(const DetectorFrames& frames, size_t camera, bool focu
         columns_within(std::move(out.range.rows), image, frames.search_cameras()[camera].shrink,
                        edges.width() / 2, edges.height() / 2);
   }
-  scan_range(frames, out);
+  scan_range(frames, colors, out);
   return out;
 }
 
@@ -48,11 +74,12 @@ ScanResult PoseScan::scan_about(const DetectorFrames& frames, size_t camera,
   const EdgeImage& edges = frames.edges(camera);
   out.range.rows = columns_about((pixel.array() + 0.5).matrix() / search.shrink,
                                  radius_px / search.shrink, edges.width() / 2, edges.height() / 2);
-  scan_range(frames, out);
+  scan_range(frames, nullptr, out);
   return out;
 }
 
-void PoseScan::scan_range(const DetectorFrames& frames, ScanResult& out) const {
+void PoseScan::scan_range(const DetectorFrames& frames, const MeshColors* colors,
+                          ScanResult& out) const {
   const std::vector<float>& scales = distances_.cameras[frames.camera_index(out.camera)].scales;
   const double radius = bank_.model().radius();
   // Each distance gets as many hits as any other, and maps spread for its scale.
@@ -62,7 +89,10 @@ void PoseScan::scan_range(const DetectorFrames& frames, ScanResult& out) const {
     ScanRange one = out.range;
     one.max /= scales.size();
     one.scales = {scales[i]};
+    const size_t max = one.max;
+    if (colors != nullptr) one.max *= kColoredHits;
     hits[i] = observe::scan(bank_, search.far(static_cast<double>(scales[i]), radius), one);
+    if (colors != nullptr) keep_best(hits[i], one, *colors, out.camera, max);
     for (ScanHit& hit : hits[i]) hit.scale = static_cast<uint16_t>(i);
   });
   for (const auto& some : hits) out.hits.insert(out.hits.end(), some.begin(), some.end());

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "observe/detect/colors/mesh_colors.hpp"
 #include "observe/detect/detector_frames.hpp"
 #include "observe/detect/search_distances.hpp"
 #include "observe/detect/template_bank.hpp"
@@ -29,14 +30,16 @@ class PoseScan {
 
   /// The camera to be scanned: the next one each time; if `focused`, one that shows foreground.
   size_t next_camera(const DetectorFrames& frames, bool focused);
-  /// Needs the response maps of the frames. `focused`: on the foreground only.
-  ScanResult scan(const DetectorFrames& frames, size_t camera, bool focused) const;
+  /// Needs the response maps of the frames. `focused`: on the foreground only. With `colors` of the
+  /// mesh half of the hits are those of many more that they agree best with; null: it has none.
+  ScanResult scan(const DetectorFrames& frames, size_t camera, bool focused,
+                  const MeshColors* colors = nullptr) const;
   /// The same with the object's middle so near [px of the image] to a pixel only.
   ScanResult scan_about(const DetectorFrames& frames, size_t camera, const Eigen::Vector2d& pixel,
                         double radius_px) const;
 
  private:
-  void scan_range(const DetectorFrames& frames, ScanResult& out) const;
+  void scan_range(const DetectorFrames& frames, const MeshColors* colors, ScanResult& out) const;
 
   const TemplateBank& bank_;
   const SearchDistances& distances_;

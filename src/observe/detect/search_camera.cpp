@@ -6,8 +6,10 @@
 
 namespace sightline::observe {
 
-void SearchCamera::respond_to(const EdgeImage& image_edges, int map_margin) {
+void SearchCamera::respond_to(const EdgeImage& image_edges,
+                              const std::vector<uint8_t>& region_borders, int map_margin) {
   edges = &image_edges;
+  borders = &region_borders;
   margin = map_margin;
   for (auto& made : spreads_->made) made = false;
 }
@@ -18,7 +20,7 @@ const ResponseMaps& SearchCamera::spread(int index) const {
   if (!spreads.made[at].load(std::memory_order_acquire)) {
     std::lock_guard lock(spreads.mutex);
     if (!spreads.made[at].load(std::memory_order_relaxed)) {
-      spreads.maps[at].compute(*edges, index + 1, margin);
+      spreads.maps[at].compute(*edges, *borders, index + 1, margin);
       spreads.made[at].store(true, std::memory_order_release);
     }
   }

@@ -17,16 +17,18 @@ struct SearchCamera {
   static constexpr int kSpreads = 7;
   const CalibratedCamera* camera = nullptr;
   Rigid3 camera_from_world;
-  double shrink = kMapShrink;        ///< image pixels per pixel of the maps
-  double usual_speed = 0;            ///< of the object [m/s]
-  double seconds = 0;                ///< captured after the camera that is searched
-  const EdgeImage* edges = nullptr;  ///< of its image, for respond_to()
-  int margin = 0;                    ///< around the maps, see ResponseMaps::compute()
+  double shrink = kMapShrink;                     ///< image pixels per pixel of the maps
+  double usual_speed = 0;                         ///< of the object [m/s]
+  double seconds = 0;                             ///< captured after the camera that is searched
+  const EdgeImage* edges = nullptr;               ///< of its image, for respond_to()
+  const std::vector<uint8_t>* borders = nullptr;  ///< see ResponseMaps::compute()
+  int margin = 0;                                 ///< around the maps, see ResponseMaps::compute()
 
   /// From now on the responses are to these edges. Each spread is computed when it is first asked
   /// for: a pose that is followed needs two of them. While nobody changes this, any thread may
   /// ask.
-  void respond_to(const EdgeImage& image_edges, int map_margin);
+  void respond_to(const EdgeImage& image_edges, const std::vector<uint8_t>& region_borders,
+                  int map_margin);
   /// Of the spread that allows for what the steps of the search leave open: the larger the object
   /// is in the image (`scale` [px/m of the maps], `radius` [m]), the more its outline moves from
   /// one step to the next, and while it moves from one camera's exposure to the other's.

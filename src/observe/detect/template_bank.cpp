@@ -70,17 +70,36 @@ class HitList {
     hits_.push_back(hit);
     if (hits_.size() >= 4 * max_) shrink(2 * max_);
   }
-  std::vector<ScanHit> take() {
-    std::stable_sort(hits_.begin(), hits_.end(), better);
-    return std::move(hits_);
+  // Best first; what scores the same in the order in which it came.
+  std::vector<ScanHit> take() const {
+    std::array<size_t, 256> next{};  // place of the next one of each score
+    const std::array<size_t, 256> counts = count_scores();
+    for (size_t score = 255; score > 0; --score) next[score - 1] = next[score] + counts[score];
+    std::vector<ScanHit> out(hits_.size());
+    for (const ScanHit& hit : hits_) out[next[hit.score]++] = hit;
+    return out;
   }
 
  private:
-  static bool better(const ScanHit& a, const ScanHit& b) { return a.score > b.score; }
+  std::array<size_t, 256> count_scores() const {
+    std::array<size_t, 256> counts{};
+    for (const ScanHit& hit : hits_) ++counts[hit.score];
+    return counts;
+  }
+  // Keeps the best, of the lowest score those that came first.
   void shrink(size_t size) {
-    std::stable_sort(hits_.begin(), hits_.end(), better);
-    hits_.resize(size);
-    threshold_ = static_cast<uint8_t>(std::max<int>(threshold_, hits_.back().score + 1));
+    const std::array<size_t, 256> counts = count_scores();
+    size_t lowest = 255, better = 0;
+    while (better + counts[lowest] < size) better += counts[lowest--];
+    size_t left = size - better;
+    std::erase_if(hits_, [&](const ScanHit& hit) {
+      if (hit.score != lowest) return hit.score < lowest;
+      if (left == 0) return true;
+      --left;
+      return false;
+    });
+    threshold_ =
+        static_cast<uint8_t>(std::max<size_t>(threshold_, std::min<size_t>(lowest + 1, 255)));
   }
 
   const size_t max_;

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "sightline/base/result.hpp"
@@ -23,6 +24,9 @@ class ColorVerifier {
   static Result<std::unique_ptr<ColorVerifier>> create(std::vector<SurfaceSample> samples,
                                                        std::vector<DetectorCamera> cameras);
   ~ColorVerifier();
+
+  /// Of the surface, as given.
+  std::span<const SurfaceSample> samples() const;
 
   /// Keeps the frame at half size, as ObjectDetector::add_frame() does.
   void add_frame(CameraId camera, const Frame& frame);

@@ -74,7 +74,7 @@ class ObjectDetector {
 
   /// The search by contours in the newest frames, with what each of its stages leaves. Decides
   /// nothing.
-  void explain(DetectionTrace& trace);
+  void explain(DetectionTrace& trace, const ColorVerifier* colors = nullptr);
   /// What the frames of the newest search say of a pose, fitted within a few pixels.
   PoseAssessment assess(const Rigid3& world_from_object) const;
 

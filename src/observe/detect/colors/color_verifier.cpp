@@ -18,6 +18,8 @@ class ColorVerifier::Impl {
   Impl(std::vector<SurfaceSample> samples, std::vector<DetectorCamera> cameras)
       : samples_(std::move(samples)), cameras_(std::move(cameras)), frames_(cameras_.size()) {}
 
+  std::span<const SurfaceSample> samples() const { return samples_; }
+
   void add_frame(CameraId camera, const Frame& frame) {
     for (size_t i = 0; i < cameras_.size(); ++i) {
       if (cameras_[i].id == camera) frames_[i].store(frame, cameras_[i].calibration.model);
@@ -119,6 +121,7 @@ Result<std::unique_ptr<ColorVerifier>> ColorVerifier::create(std::vector<Surface
 ColorVerifier::ColorVerifier(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 ColorVerifier::~ColorVerifier() = default;
 
+std::span<const SurfaceSample> ColorVerifier::samples() const { return impl_->samples(); }
 void ColorVerifier::add_frame(CameraId camera, const Frame& frame) {
   impl_->add_frame(camera, frame);
 }

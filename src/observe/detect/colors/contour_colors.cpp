@@ -17,9 +17,10 @@ void weigh_by_colors(const ColorVerifier& colors, Time time, std::vector<Contour
     agreement.push_back(colors.correlation(motion.world_from_object, motion.twist, time));
   }
   const double best = *std::max_element(agreement.begin(), agreement.end());
-  if (best < kColorsAgree) return;
+  if (best < kLeastColors) return;
   for (size_t i = 0; i < agreement.size(); ++i) {
-    if (agreement[i] < best - kOtherColors) poses[i].score *= kOtherColorsWeight;
+    const double lacks = (best - agreement[i] - kSameColors) / kOtherColors;
+    poses[i].score *= 1 - kOtherColorsPenalty * std::clamp(lacks, 0.0, 1.0);
   }
   std::stable_sort(poses.begin(), poses.end(),
                    [](const ContourPose& a, const ContourPose& b) { return a.score > b.score; });

@@ -18,7 +18,7 @@ size_t pixel_index(int x, int y, int width) {
 // Response of each direction to each set of directions.
 using ResponseTable = std::array<std::array<uint8_t, 256>, kEdgeBins>;
 
-ResponseTable make_response_table() {
+ResponseTable make_response_table(float share) {
   ResponseTable table{};
   for (unsigned bin = 0; bin < kEdgeBins; ++bin) {
     for (unsigned set = 0; set < 256; ++set) {
@@ -27,8 +27,8 @@ ResponseTable make_response_table() {
                         (set >> ((bin + kEdgeBins - 1) % kEdgeBins) & 1) != 0;
       const int best = exact ? ResponseMaps::kFullResponse : near ? kNeighborBinResponse : 0;
       const int others = std::max(0, std::popcount(set) - 2);
-      table[bin][set] =
-          static_cast<uint8_t>(std::max(0, best - static_cast<int>(kResponseClutter * others)));
+      const int response = std::max(0, best - static_cast<int>(kResponseClutter * others));
+      table[bin][set] = static_cast<uint8_t>(std::lround(share * static_cast<float>(response)));
     }
   }
   return table;
@@ -116,39 +116,51 @@ void EdgeImage::thin() {
   }
 }
 
-void ResponseMaps::compute(const EdgeImage& edges, int spread, int margin) {
-  static const ResponseTable kTable = make_response_table();
+void ResponseMaps::spread_out(const std::vector<uint8_t>& bins, int width, int height, int spread,
+                              std::vector<uint8_t>& out) {
+  row_spread_.assign(bins.size(), 0);
+  out.assign(bins.size(), 0);
+  for (int y = 0; y < height; ++y) {
+    const uint8_t* from = bins.data() + pixel_index(0, y, width);
+    uint8_t* to = row_spread_.data() + pixel_index(0, y, width);
+    for (int k = -spread; k <= spread; ++k) {
+      const int begin = std::max(0, -k), end = std::min(width, width - k);
+      for (int x = begin; x < end; ++x) to[x] = static_cast<uint8_t>(to[x] | from[x + k]);
+    }
+  }
+  for (int y = 0; y < height; ++y) {
+    uint8_t* to = out.data() + pixel_index(0, y, width);
+    for (int k = std::max(0, y - spread); k <= std::min(height - 1, y + spread); ++k) {
+      const uint8_t* from = row_spread_.data() + pixel_index(0, k, width);
+      for (int x = 0; x < width; ++x) to[x] = static_cast<uint8_t>(to[x] | from[x]);
+    }
+  }
+}
+
+void ResponseMaps::compute(const EdgeImage& edges, const std::vector<uint8_t>& borders, int spread,
+                           int margin) {
+  static const ResponseTable kTable = make_response_table(1);
+  static const ResponseTable kTableWithin = make_response_table(kWithinResponse);
   const int full_width = edges.width(), full_height = edges.height();
   width_ = full_width / 2;
   height_ = full_height / 2;
   margin_ = margin;
   // Whole vectors of the scanning kernel may be read past the end of a row.
   stride_ = (width_ + 2 * margin + 63) / 32 * 32;
-  row_spread_.assign(edges.bins().size(), 0);
-  spread_.assign(edges.bins().size(), 0);
-  for (int y = 0; y < full_height; ++y) {
-    const uint8_t* from = edges.bins().data() + pixel_index(0, y, full_width);
-    uint8_t* to = row_spread_.data() + pixel_index(0, y, full_width);
-    for (int k = -spread; k <= spread; ++k) {
-      const int begin = std::max(0, -k), end = std::min(full_width, full_width - k);
-      for (int x = begin; x < end; ++x) to[x] = static_cast<uint8_t>(to[x] | from[x + k]);
-    }
-  }
-  for (int y = 0; y < full_height; ++y) {
-    uint8_t* to = spread_.data() + pixel_index(0, y, full_width);
-    for (int k = std::max(0, y - spread); k <= std::min(full_height - 1, y + spread); ++k) {
-      const uint8_t* from = row_spread_.data() + pixel_index(0, k, full_width);
-      for (int x = 0; x < full_width; ++x) to[x] = static_cast<uint8_t>(to[x] | from[x]);
-    }
-  }
+  spread_out(edges.bins(), full_width, full_height, spread, spread_);
+  spread_out(borders, full_width, full_height, spread, spread_borders_);
   for (int bin = 0; bin < kEdgeBins; ++bin) {
     auto& map = maps_[static_cast<size_t>(bin)];
     map.assign(static_cast<size_t>(stride_) * static_cast<size_t>(height_ + 2 * margin) + 64, 0);
     const auto& table = kTable[static_cast<size_t>(bin)];
+    const auto& within = kTableWithin[static_cast<size_t>(bin)];
     for (int y = 0; y < height_; ++y) {
-      const uint8_t* from = spread_.data() + pixel_index(0, 2 * y, full_width);
+      const uint8_t* any = spread_.data() + pixel_index(0, 2 * y, full_width);
+      const uint8_t* border = spread_borders_.data() + pixel_index(0, 2 * y, full_width);
       uint8_t* to = map.data() + (margin + y) * stride_ + margin;
-      for (int x = 0; x < width_; ++x) to[x] = table[from[2 * x]];
+      for (int x = 0; x < width_; ++x) {
+        to[x] = std::max(table[border[2 * x]], within[any[2 * x]]);
+      }
     }
   }
 }

@@ -56,8 +56,9 @@ class ResponseMaps {
  public:
   static constexpr int kFullResponse = 8;
 
+  /// `borders`: those edges that lie between regions; to the others the response is half.
   /// `spread`: half side of the square [half-size px]; `margin`: [quarter-size px].
-  void compute(const EdgeImage& edges, int spread, int margin);
+  void compute(const EdgeImage& edges, const std::vector<uint8_t>& borders, int spread, int margin);
 
   int width() const { return width_; }  ///< without margins
   int height() const { return height_; }
@@ -74,9 +75,12 @@ class ResponseMaps {
   }
 
  private:
+  void spread_out(const std::vector<uint8_t>& bins, int width, int height, int spread,
+                  std::vector<uint8_t>& out);
+
   int width_ = 0, height_ = 0, margin_ = 0;
   ptrdiff_t stride_ = 0;
-  std::vector<uint8_t> spread_, row_spread_;
+  std::vector<uint8_t> spread_, spread_borders_, row_spread_;
   std::array<std::vector<uint8_t>, kEdgeBins> maps_;
 };
 

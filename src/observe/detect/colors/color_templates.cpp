@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "observe/detect/colors/color_templates.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace sightline::observe {
+namespace {
+
+constexpr size_t kMaxSpots = 64;    // of a view
+constexpr float kMinSeen = 0.75f;   // of them, in the image
+constexpr float kMinFacing = 0.3f;  // cosine between normal and line of sight
+constexpr float kNoColor = 0.5f;    // [levels^2] variance of a channel that is not there
+
+}  // namespace
+
+void ColorMap::compute(const HalfSizeImage& image) {
+  width_ = image.width / 2;
+  height_ = image.height / 2;
+  pixels_.assign(static_cast<size_t>(width_) * static_cast<size_t>(height_),
+                 Eigen::Array4f::Zero());
+  for (size_t plane = 0; plane < 3; ++plane) {
+    for (int y = 0; y < height_; ++y) {
+      const uint8_t *above = image.row(plane, 2 * y), *below = image.row(plane, 2 * y + 1);
+      Eigen::Array4f* to = pixels_.data() + static_cast<size_t>(y) * static_cast<size_t>(width_);
+      for (int x = 0; x < width_; ++x) {
+        to[x][static_cast<Eigen::Index>(plane)] =
+            0.25f *
+            static_cast<float>(above[2 * x] + above[2 * x + 1] + below[2 * x] + below[2 * x + 1]);
+      }
+    }
+  }
+}
+
+ColorTemplates::ColorTemplates(const TemplateBank& bank, std::span<const SurfaceSample> samples) {
+  const ViewpointModel& model = bank.model();
+  const Eigen::Vector3f center = model.center().cast<float>();
+  std::vector<const SurfaceSample*> facing;
+  for (size_t i = 0; i < model.size(); ++i) {
+    const Rigid3 camera_from_object = model.view(i).camera_from_object;
+    const Eigen::Vector3f eye = camera_from_object.inverse().translation.cast<float>();
+    facing.clear();
+    for (const SurfaceSample& spot : samples) {
+      const Eigen::Vector3f sight = eye - spot.point;
+      if (sight.dot(spot.normal) >= kMinFacing * sight.norm()) facing.push_back(&spot);
+    }
+    const Eigen::Matrix3f rotation = camera_from_object.rotation_matrix().cast<float>();
+    const size_t count = std::min(kMaxSpots, facing.size());
+    std::vector<Spot> spots;
+    Eigen::Array4f mean = Eigen::Array4f::Zero();
+    for (size_t k = 0; k < count; ++k) {
+      const SurfaceSample& spot = *facing[k * facing.size() / count];
+      const Eigen::Vector3f place = rotation * (spot.point - center);
+      Eigen::Array4f color = Eigen::Array4f::Zero();
+      color.head<3>() = spot.color.array();
+      spots.push_back({place.x(), place.y(), color});
+      mean += color / static_cast<float>(count);
+    }
+    for (Spot& spot : spots) spot.color -= mean;
+    views_.push_back(std::move(spots));
+  }
+}
+
+float ColorTemplates::correlation(const WeakPerspectivePose& pose, const ColorMap& map) const {
+  const std::vector<Spot>& spots = views_[pose.view];
+  const float c = std::cos(pose.turn) * pose.scale, s = std::sin(pose.turn) * pose.scale;
+  Eigen::Array4f a = Eigen::Array4f::Zero(), b = a, ab = a, aa = a, bb = a;
+  float seen = 0;
+  for (const Spot& spot : spots) {
+    const int x = static_cast<int>(pose.x + c * spot.x - s * spot.y + 0.5f);
+    const int y = static_cast<int>(pose.y + s * spot.x + c * spot.y + 0.5f);
+    if (x < 0 || y < 0 || x >= map.width() || y >= map.height()) continue;
+    const Eigen::Array4f& shown = map.at(x, y);
+    a += spot.color;
+    b += shown;
+    ab += spot.color * shown;
+    aa += spot.color.square();
+    bb += shown.square();
+    seen += 1;
+  }
+  if (seen < kMinSeen * static_cast<float>(spots.size()) || spots.empty()) return 0;
+  const Eigen::Array4f shown = bb - b.square() / seen;
+  const Eigen::Array4f has = (shown > kNoColor * seen).cast<float>();
+  const float painted = ((aa - a.square() / seen) * has).sum();
+  const float scale = std::sqrt(std::max(0.0f, painted * (shown * has).sum()));
+  return scale > 1e-3f ? ((ab - a * b / seen) * has).sum() / scale : 0;
+}
+
+}  // namespace sightline::observe

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "observe/detect/colors/pose_pool.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <set>
+
+namespace sightline::observe {
+namespace {
+
+constexpr size_t kChunk = 256;  // poses that a thread takes at once
+
+double with_colors(const JointPose& pose) { return pose.score * std::max(0.0, pose.colors); }
+
+bool better_with_colors(const JointPose& a, const JointPose& b) {
+  return with_colors(a) > with_colors(b);
+}
+
+bool any_agrees(std::span<const JointPose> poses) {
+  return std::any_of(poses.begin(), poses.end(),
+                     [](const JointPose& pose) { return pose.colors > 0; });
+}
+
+}  // namespace
+
+void add_agreement(const MeshColors* colors, std::span<JointPose> poses, const Executor& executor) {
+  if (colors == nullptr) return;
+  executor((poses.size() + kChunk - 1) / kChunk, [&](size_t chunk) {
+    for (size_t i = kChunk * chunk; i < std::min(poses.size(), kChunk * (chunk + 1)); ++i) {
+      poses[i].colors = colors->agreement(poses[i].world_from_object);
+    }
+  });
+}
+
+void sort_by_score(std::vector<JointPose>& poses) {
+  std::stable_sort(poses.begin(), poses.end(),
+                   [](const JointPose& a, const JointPose& b) { return a.score > b.score; });
+}
+
+std::vector<JointPose> thinned(std::span<const JointPose> poses, const Eigen::Vector3d& center,
+                               double place_step, double angle_step, size_t max) {
+  std::set<std::array<int, 7>> taken;
+  std::vector<JointPose> out;
+  for (const JointPose& pose : poses) {
+    if (out.size() == max) break;
+    const Eigen::Vector3d place = pose.world_from_object * center / place_step;
+    Eigen::Vector4d q = pose.world_from_object.rotation.coeffs() * (2 / angle_step);
+    if (q.w() < 0) q = -q;
+    std::array<int, 7> cell;
+    for (int i = 0; i < 3; ++i)
+      cell[static_cast<size_t>(i)] = static_cast<int>(std::floor(place[i]));
+    for (int i = 0; i < 4; ++i)
+      cell[static_cast<size_t>(3 + i)] = static_cast<int>(std::lround(q[i]));
+    if (taken.insert(cell).second) out.push_back(pose);
+  }
+  return out;
+}
+
+void keep_best(std::vector<JointPose>& poses, size_t max) {
+  sort_by_score(poses);
+  if (poses.size() <= max) return;
+  if (any_agrees(poses)) {
+    std::stable_sort(poses.begin() + static_cast<ptrdiff_t>(max / 2), poses.end(),
+                     better_with_colors);
+  }
+  poses.resize(max);
+  sort_by_score(poses);
+}
+
+std::vector<JointPose> best_of_cells(std::span<const JointPose> poses,
+                                     const Eigen::Vector3d& center, double place_step,
+                                     double angle_step, size_t max) {
+  std::vector<JointPose> sorted(poses.begin(), poses.end());
+  sort_by_score(sorted);
+  const bool colored = any_agrees(sorted);
+  std::vector<JointPose> out =
+      thinned(sorted, center, place_step, angle_step, colored ? max / 2 : max);
+  if (!colored) return out;
+  std::stable_sort(sorted.begin(), sorted.end(), better_with_colors);
+  for (const JointPose& pose : thinned(sorted, center, place_step, angle_step, max / 2)) {
+    out.push_back(pose);
+  }
+  return out;
+}
+
+}  // namespace sightline::observe

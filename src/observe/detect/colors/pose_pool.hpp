@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+#include <vector>
+
+#include "observe/detect/colors/mesh_colors.hpp"
+#include "observe/detect/joint_search.hpp"
+#include "sightline/base/executor.hpp"
+
+namespace sightline::observe {
+
+/// Fills JointPose::colors, on all threads. `colors` null: nothing.
+void add_agreement(const MeshColors* colors, std::span<JointPose> poses, const Executor& executor);
+
+/// Sorted by score, the best first; stable.
+void sort_by_score(std::vector<JointPose>& poses);
+
+/// The best pose of each cell of place [m] and rotation [rad], in their order, at most `max`.
+std::vector<JointPose> thinned(std::span<const JointPose> poses, const Eigen::Vector3d& center,
+                               double place_step, double angle_step, size_t max);
+
+/// Keeps `max` of them, sorted by score: the best by score; where colors of the mesh agree with
+/// some, half of them are the best by the product of both. So colors that are not those of the
+/// object cost half of the places.
+void keep_best(std::vector<JointPose>& poses, size_t max);
+
+/// The same of many, thinned(): first those by score.
+std::vector<JointPose> best_of_cells(std::span<const JointPose> poses,
+                                     const Eigen::Vector3d& center, double place_step,
+                                     double angle_step, size_t max);
+
+}  // namespace sightline::observe
