@@ -1,0 +1,351 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sightline/calibrate/capture_guide.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "calibrate/capture/guide_impl.hpp"
+
+namespace sightline {
+
+using namespace calibrate;
+
+namespace {
+
+constexpr int kPatience = 3;           // times as long for cameras that do not see it all the time
+constexpr size_t kFresh = 3;           // sets that a report may be behind
+constexpr double kLargestStep = 0.08;  // of the width, way of a moving corner between two images
+
+double largest_motion(const SteadyView& view) {
+  double most = 0;
+  for (const TargetCorner& corner : view.corners) most = std::max(most, corner.px_per_s.norm());
+  return most;
+}
+
+}  // namespace
+
+CaptureGuide::Impl::Impl(const CalibrationTarget& target, const std::vector<ViewedCamera>& cameras,
+                         const std::vector<CameraPrior>& priors, const CaptureGuideOptions& chosen)
+    : options(chosen),
+      views{.target = target, .cameras = cameras, .sets = 0, .views = {}},
+      windows(cameras.size()),
+      progress(cameras.size()),
+      pairs(cameras.size()) {
+  SL_CHECK(priors.empty() || priors.size() == cameras.size(), "a prior for each camera, or none");
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    records.emplace_back(target, priors.empty() ? CameraPrior{} : priors[c]);
+    progress[c].lens_known = records[c].lens_known();
+    views.cameras[c].images = 0;
+  }
+}
+
+CaptureStep CaptureGuide::Impl::find_still(Time now, Duration still, Sets& set, bool& brief) const {
+  CaptureStep step;
+  Time latest_begin = Time::min(), earliest_end = Time::max();
+  bool blurred = false;
+  for (size_t c = 0; c < windows.size(); ++c) {
+    if (!windows[c].sees_it(now, options.min_corners)) continue;
+    SteadyView view;
+    const auto state = windows[c].steady(options, still, records[c].width(), view);
+    if (state == SightWindow::State::kNotSeen) continue;
+    if (state == SightWindow::State::kMoving) return {CaptureStep::Kind::kMoving, c};
+    if (state == SightWindow::State::kBriefly) {
+      brief = true;
+      step = {CaptureStep::Kind::kMoving, c};
+      continue;
+    }
+    latest_begin = std::max(latest_begin, view.from);
+    earliest_end = std::min(earliest_end, view.to);
+    if (view.edge_px > options.widest_edge_px) {
+      blurred = true;
+      step.camera = c;
+      continue;
+    }
+    set[c] = std::move(view);
+  }
+  if (std::ranges::none_of(set, [](const auto& v) { return v.has_value(); })) {
+    if (blurred) step.kind = CaptureStep::Kind::kBlurred;
+    return step;
+  }
+  // All stood still, but was it at the same time?
+  if (latest_begin > earliest_end) return {CaptureStep::Kind::kMoving, step.camera};
+  return {CaptureStep::Kind::kTaken, 0};
+}
+
+CaptureStep CaptureGuide::Impl::find_moment(const TargetSight& sight, Sets& set) const {
+  Duration longest{};
+  for (const SightWindow& window : windows) {
+    if (window.sees_it(sight.capture, 1)) longest = std::max(longest, window.period());
+  }
+  const auto own = windows[sight.camera].moment(sight.capture - 2 * longest, options.min_corners);
+  if (!own) return {CaptureStep::Kind::kNotSeen, sight.camera};
+  CaptureStep step{CaptureStep::Kind::kNotSeen, sight.camera};
+  for (size_t c = 0; c < windows.size(); ++c) {
+    auto view = windows[c].moment(own->capture, options.min_corners);
+    if (!view) continue;
+    const double step_px = largest_motion(*view) * to_seconds(windows[c].period());
+    if (step_px > kLargestStep * records[c].width()) {
+      step = {CaptureStep::Kind::kMoving, c};
+    } else if (view->edge_px > options.widest_edge_px) {
+      step = {CaptureStep::Kind::kBlurred, c};
+    } else {
+      set[c] = std::move(view);
+    }
+  }
+  const bool any = std::ranges::any_of(set, [](const auto& v) { return v.has_value(); });
+  return any ? CaptureStep{CaptureStep::Kind::kTaken, sight.camera} : step;
+}
+
+CaptureStep CaptureGuide::Impl::find_set(const TargetSight& sight, Sets& set) const {
+  bool brief = false;
+  CaptureStep found = options.moving ? find_moment(sight, set)
+                                     : find_still(sight.capture, options.still, set, brief);
+  if (brief && found.kind == CaptureStep::Kind::kTaken) {
+    // It just came into the view of that camera, or is seen there now and then: wait for a while.
+    std::ranges::fill(set, std::nullopt);
+    found = find_still(sight.capture, kPatience * options.still, set, brief);
+  }
+  if (found.kind != CaptureStep::Kind::kTaken) return found;
+  for (size_t c = 0; c < set.size(); ++c) {
+    if (set[c] && records[c].is_new(set[c]->corners, options)) {
+      return {CaptureStep::Kind::kTaken, c};
+    }
+  }
+  return {CaptureStep::Kind::kKnown, found.camera};
+}
+
+Status CaptureGuide::Impl::check(const Sets& set) const {
+  CalibrationViews one{.target = views.target, .cameras = {}, .sets = 1, .views = {}};
+  for (size_t c = 0; c < set.size(); ++c) {
+    if (!set[c]) continue;
+    one.views.push_back({one.cameras.size(), 0, 0, set[c]->corners, "the live image"});
+    one.cameras.push_back({name(c), records[c].width(), records[c].height(), 1});
+  }
+  return check_views(one);
+}
+
+void CaptureGuide::Impl::take(const Sets& set) {
+  double time_s = 0;
+  std::vector<size_t> seen_by;
+  for (size_t c = 0; c < set.size(); ++c) {
+    if (!set[c]) continue;
+    seen_by.push_back(c);
+    time_s += to_seconds(set[c]->capture.time_since_epoch());
+  }
+  time_s /= static_cast<double>(seen_by.size());
+  for (const size_t c : seen_by) {
+    const double own_s = to_seconds(set[c]->capture.time_since_epoch());
+    views.views.push_back({c, views.sets, options.moving ? own_s - time_s : 0, set[c]->corners,
+                           fmt::format("set {}", views.sets)});
+    records[c].take(set[c]->corners);
+  }
+  if (std::ranges::find(seen_by, last_camera) == seen_by.end()) last_camera = seen_by.front();
+  pairs.add(seen_by);
+  ++views.sets;
+  update();
+}
+
+void CaptureGuide::Impl::update() {
+  for (size_t c = 0; c < records.size(); ++c) {
+    const CameraNeeds needs = needs_of(records[c], options);
+    CameraProgress& p = progress[c];
+    p.views = records[c].views().size();
+    p.coverage = records[c].coverage();
+    p.depth_ratio = records[c].depth_ratio();
+    for (size_t side = 0; side < 4; ++side) {
+      p.tilted[side] = records[c].tilt_deg(static_cast<TiltSide>(side)) >= options.tilt_deg;
+    }
+    p.complete = needs.none();
+    p.share = needs.share;
+  }
+}
+
+CaptureGuide::CaptureGuide(const CalibrationTarget& target,
+                           const std::vector<ViewedCamera>& cameras,
+                           const std::vector<CameraPrior>& priors,
+                           const CaptureGuideOptions& options)
+    : impl_(std::make_unique<Impl>(target, cameras, priors, options)) {
+  for (const ViewedCamera& camera : cameras) {
+    if (camera.width < 1) continue;
+    (void)set_image_size(static_cast<size_t>(&camera - cameras.data()), camera.width,
+                         camera.height);
+  }
+}
+
+CaptureGuide::~CaptureGuide() = default;
+CaptureGuide::CaptureGuide(CaptureGuide&&) noexcept = default;
+CaptureGuide& CaptureGuide::operator=(CaptureGuide&&) noexcept = default;
+
+Status CaptureGuide::set_image_size(size_t camera, int width, int height) {
+  ViewedCamera& seen = impl_->views.cameras[camera];
+  SL_RETURN_IF_ERROR(impl_->records[camera].set_size(seen.name, width, height));
+  seen.width = width;
+  seen.height = height;
+  return {};
+}
+
+Result<CaptureStep> CaptureGuide::add(const TargetSight& sight) {
+  Impl& guide = *impl_;
+  SL_CHECK(guide.records[sight.camera].width() > 0, "the size is set before the first image");
+  ++guide.views.cameras[sight.camera].images;
+  ++guide.progress[sight.camera].images;
+  guide.progress[sight.camera].seen += sight.corners.size() >= guide.options.min_corners;
+  guide.windows[sight.camera].add(sight);
+  Impl::Sets set(guide.records.size());
+  const CaptureStep step = guide.find_set(sight, set);
+  if (step.kind != CaptureStep::Kind::kTaken) return step;
+  SL_RETURN_IF_ERROR(guide.check(set));
+  guide.take(set);
+  return step;
+}
+
+Status CaptureGuide::resume(const CalibrationViews& earlier) {
+  Impl& guide = *impl_;
+  SL_RETURN_IF_ERROR(check_views(earlier));
+  // Names are not kept in the file.
+  CalibrationTarget target = guide.views.target;
+  target.name = earlier.target.name;
+  const bool same_cameras = std::ranges::equal(earlier.cameras, guide.views.cameras, {},
+                                               &ViewedCamera::name, &ViewedCamera::name);
+  if (!same_cameras || earlier.target.describe() != target.describe()) {
+    return make_error(ErrorCode::kInvalidInput, "the earlier capture",
+                      "is of {}: it cannot be added to",
+                      same_cameras ? "another target, " + earlier.target.describe()
+                                   : std::string("other cameras"));
+  }
+  for (size_t c = 0; c < earlier.cameras.size(); ++c) {
+    SL_RETURN_IF_ERROR(set_image_size(c, earlier.cameras[c].width, earlier.cameras[c].height));
+    guide.views.cameras[c].images += earlier.cameras[c].images;
+  }
+  std::vector<std::vector<size_t>> seen_by(earlier.sets);
+  for (const TargetView& view : earlier.views) {
+    guide.views.views.push_back(view);
+    guide.views.views.back().set += guide.views.sets;
+    guide.records[view.camera].take(view.corners);
+    seen_by[view.set].push_back(view.camera);
+  }
+  for (const auto& cameras : seen_by) guide.pairs.add(cameras);
+  guide.views.sets += earlier.sets;
+  guide.update();
+  return {};
+}
+
+void CaptureGuide::judge(const RigSolution& solution, const RigReport& report, size_t sets) {
+  for (size_t c = 0; c < impl_->records.size(); ++c) {
+    impl_->records[c].set_lens(solution.cameras[c].camera.model);
+  }
+  impl_->report = report;
+  impl_->report_sets = sets;
+  impl_->update();
+}
+
+const CalibrationViews& CaptureGuide::views() const { return impl_->views; }
+const std::vector<CameraProgress>& CaptureGuide::progress() const { return impl_->progress; }
+size_t CaptureGuide::links(size_t a, size_t b) const { return impl_->pairs.of(a, b); }
+
+double CaptureGuide::share() const {
+  const auto cameras = static_cast<double>(impl_->records.size());
+  double sum = 0;
+  for (const CameraProgress& camera : impl_->progress) sum += camera.share;
+  const double links = (cameras - 1) * static_cast<double>(impl_->options.links);
+  if (links <= 0) return sum / cameras;
+  const auto missing = static_cast<double>(impl_->pairs.missing(impl_->options.links));
+  return 0.8 * sum / cameras + 0.2 * (1 - missing / links);
+}
+
+bool CaptureGuide::complete() const {
+  return impl_->pairs.missing(impl_->options.links) == 0 &&
+         std::ranges::all_of(impl_->progress, &CameraProgress::complete);
+}
+
+bool CaptureGuide::passed() const {
+  const size_t behind = impl_->views.sets - impl_->report_sets;
+  return complete() && impl_->report && impl_->report->grade == CalibrationGrade::kGood &&
+         behind <= kFresh;
+}
+
+CaptureAdvice CaptureGuide::Impl::report_advice() const {
+  CaptureAdvice advice;
+  if (!report) {
+    advice.kind = CaptureAdvice::Kind::kWait;
+    advice.words = "nothing is missing; solving";
+    return advice;
+  }
+  for (size_t c = 0; c < report->cameras.size(); ++c) {
+    const CameraReport& camera = report->cameras[c];
+    if (camera.grade == CalibrationGrade::kGood) continue;
+    advice.camera = c;
+    if (camera.sigma && camera.sigma->worst > 2) {
+      const ProjectionSigma& sigma = *camera.sigma;
+      size_t worst = 0;
+      for (size_t i = 0; i < sigma.values.size(); ++i) {
+        if (sigma.values[i] > sigma.values[worst] || !std::isfinite(sigma.values[worst])) worst = i;
+      }
+      const int column = static_cast<int>(worst) % sigma.columns;
+      const int row = static_cast<int>(worst) / sigma.columns;
+      advice.region = ImageRegion{column * 3 / sigma.columns, row * 3 / sigma.rows};
+      advice.words = show_words(name(c), advice, false);
+      return advice;
+    }
+    size_t other = c == 0 ? 1 : 0;
+    for (size_t o = 0; o < records.size(); ++o) {
+      if (o != c && pairs.of(c, o) > pairs.of(c, other)) other = o;
+    }
+    const bool place = camera.split_half && records.size() > 1 &&
+                       camera.split_half->center_mm > 10 * camera.working_distance;
+    if (place) {
+      advice.kind = CaptureAdvice::Kind::kTogether;
+      advice.other = other;
+      advice.words = fmt::format(
+          "{}: its place is uncertain by {:.1f} mm; more poses that it sees "
+          "together with {}",
+          name(c), camera.split_half->center_mm, name(other));
+    } else {
+      advice.words = camera.remarks.size() > 1 ? fmt::format("{}: {}", name(c), camera.remarks[1])
+                                               : show_words(name(c), advice, false);
+    }
+    return advice;
+  }
+  advice.kind = CaptureAdvice::Kind::kWait;
+  advice.words = "nothing is missing; solving";
+  return advice;
+}
+
+CaptureAdvice CaptureGuide::advice() const {
+  const Impl& guide = *impl_;
+  CaptureAdvice advice;
+  if (passed()) {
+    advice.kind = CaptureAdvice::Kind::kDone;
+    advice.words = "done: the report is good";
+    return advice;
+  }
+  // Where the person is; otherwise where least is missing, so that walks are few.
+  size_t camera = guide.records.size();
+  for (size_t c = 0; c < guide.records.size(); ++c) {
+    if (guide.progress[c].complete) continue;
+    const bool better =
+        camera == guide.records.size() || c == guide.last_camera ||
+        (camera != guide.last_camera && guide.progress[c].share > guide.progress[camera].share);
+    if (better) camera = c;
+  }
+  if (camera < guide.records.size()) {
+    const CameraNeeds needs = needs_of(guide.records[camera], guide.options);
+    advice.camera = camera;
+    advice.region = needs.region;
+    advice.distance = needs.distance;
+    advice.tilt = needs.tilt;
+    advice.words = show_words(guide.name(camera), advice, guide.progress[camera].views == 0);
+    return advice;
+  }
+  if (const auto link = missing_link(guide.pairs, guide.options.links, guide.last_camera)) {
+    advice.kind = CaptureAdvice::Kind::kTogether;
+    advice.camera = link->a;
+    advice.other = link->b;
+    advice.words =
+        link_words(guide.name(link->a), guide.name(link->b), link->sets, guide.options.links);
+    return advice;
+  }
+  return guide.report_advice();
+}
+
+}  // namespace sightline

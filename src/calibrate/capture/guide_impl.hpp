@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "calibrate/capture/advice.hpp"
+#include "calibrate/capture/camera_record.hpp"
+#include "calibrate/capture/sight_window.hpp"
+
+namespace sightline {
+
+struct CaptureGuide::Impl {
+  CaptureGuideOptions options;
+  CalibrationViews views;
+  std::vector<calibrate::CameraRecord> records;
+  std::vector<calibrate::SightWindow> windows;
+  std::vector<CameraProgress> progress;
+  calibrate::PairCounts pairs;
+  size_t last_camera = 0;  ///< of which something was taken last
+  std::optional<RigReport> report;
+  size_t report_sets = 0;
+  Time last_moment{};  ///< of a moving target: when a set was looked for last
+
+  Impl(const CalibrationTarget& target, const std::vector<ViewedCamera>& cameras,
+       const std::vector<CameraPrior>& priors, const CaptureGuideOptions& chosen);
+
+  /// What all cameras that see the target now saw of it, by camera; empty unless it is to be had.
+  using Sets = std::vector<std::optional<calibrate::SteadyView>>;
+  CaptureStep find_set(const TargetSight& sight, Sets& set) const;
+  CaptureStep find_still(Time now, Duration still, Sets& set, bool& brief) const;
+  CaptureStep find_moment(const TargetSight& sight, Sets& set) const;
+  Status check(const Sets& set) const;
+  void take(const Sets& set);
+  void update();
+  CaptureAdvice report_advice() const;
+  const std::string& name(size_t camera) const { return views.cameras[camera].name; }
+};
+
+}  // namespace sightline
