@@ -32,7 +32,7 @@ std::vector<TargetCorner> SimulatedUser::corners(size_t camera, const Rigid3& wo
   return out;
 }
 
-Rigid3 SimulatedUser::pose_for(const CaptureAdvice& advice) {
+Rigid3 SimulatedUser::try_pose(const CaptureAdvice& advice) {
   const size_t c = advice.camera;
   const CameraModel& lens = rig_.truth[c].model;
   const Eigen::Vector2d size = rig_.views.target.size();
@@ -50,7 +50,7 @@ Rigid3 SimulatedUser::pose_for(const CaptureAdvice& advice) {
   Eigen::Vector3d sight = ray ? *ray : Eigen::Vector3d::UnitZ();
   Rigid3 camera_from_eye(Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), sight),
                          Eigen::Vector3d::Zero());
-  if (advice.kind == CaptureAdvice::Kind::kTogether && habits_.together) {
+  if (advice.kind == CaptureAdvice::Kind::kTogether) {
     // Between the two, facing both.
     const Rigid3 camera_from_other =
         rig_.truth[c].world_from_camera.inverse() * rig_.truth[advice.other].world_from_camera;
@@ -95,12 +95,30 @@ void SimulatedUser::show(const Rigid3& pose, double tremble_px, double seconds,
   }
 }
 
+Rigid3 SimulatedUser::pose_for(const CaptureAdvice& advice) {
+  Rigid3 pose = try_pose(advice);
+  if (advice.kind != CaptureAdvice::Kind::kTogether) return pose;
+  // Looks at both cameras while walking about.
+  const auto least = static_cast<size_t>(rig_.views.target.corner_count()) / 2;
+  for (int i = 0; i < 200; ++i) {
+    if (corners(advice.camera, pose, 0).size() > least &&
+        corners(advice.other, pose, 0).size() > least) {
+      break;
+    }
+    pose = try_pose(advice);
+  }
+  return pose;
+}
+
+void SimulatedUser::hold(const Rigid3& world_from_target,
+                         const std::function<void(const TargetSight&)>& see) {
+  show(world_from_target, 12, 0.4, see);  // on the way
+  show(world_from_target, habits_.tremble_px, habits_.held_s, see);
+}
+
 void SimulatedUser::follow(const CaptureAdvice& advice,
                            const std::function<void(const TargetSight&)>& see) {
-  const Rigid3 next = pose_for(advice);
-  show(next, 12, 0.4, see);  // on the way
-  show(next, habits_.tremble_px, habits_.held_s, see);
-  pose_ = next;
+  hold(pose_for(advice), see);
 }
 
 }  // namespace sightline::test

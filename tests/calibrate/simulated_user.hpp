@@ -31,10 +31,13 @@ class SimulatedUser {
   /// Corners that a camera sees of a target there.
   std::vector<TargetCorner> corners(size_t camera, const Rigid3& world_from_target,
                                     double noise_px);
-  Time now() const { return now_; }
+  /// world_from_target as the advice asks.
+  Rigid3 pose_for(const CaptureAdvice& advice);
+  /// Holds it there and hands out the images.
+  void hold(const Rigid3& world_from_target, const std::function<void(const TargetSight&)>& see);
 
  private:
-  Rigid3 pose_for(const CaptureAdvice& advice);
+  Rigid3 try_pose(const CaptureAdvice& advice);
   void show(const Rigid3& pose, double tremble_px, double seconds,
             const std::function<void(const TargetSight&)>& see);
 
@@ -42,7 +45,6 @@ class SimulatedUser {
   Habits habits_;
   Random random_;
   std::vector<double> nearness_;  // by camera, factor on the usual distance
-  Rigid3 pose_;
   Time now_{std::chrono::seconds(100)};
 };
 
