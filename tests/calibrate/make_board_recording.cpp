@@ -81,7 +81,7 @@ class Print {
   }
 
  private:
-  static constexpr double kCell = 0.0005, kBorder = 0.02;
+  static constexpr double kCell = 0.0002, kBorder = 0.02;
   static int cell(double meters) { return static_cast<int>((meters + kBorder) / kCell); }
 
   Eigen::Vector2d size_;
@@ -221,7 +221,7 @@ Status record(const Choice& choice) {
   Recorder recorder(rig, choice, std::move(writer));
   CaptureGuide guide(rig.views.target, rig.views.cameras, {}, {});
   SimulatedUser user(rig, {.tilts = !choice.flat});
-  size_t spare = 6;  // poses after the guide was content: what is detected is a little less
+  size_t spare = 10;  // poses after the guide was content: what is detected is a little less
   for (size_t pose = 0; pose < choice.poses && spare > 0; ++pose) {
     const Rigid3 shown = user.pose_for(guide.advice());
     std::optional<Error> error;

@@ -16,6 +16,15 @@ constexpr int kPatience = 3;           // times as long for cameras that do not 
 constexpr size_t kFresh = 3;           // sets that a report may be behind
 constexpr double kLargestStep = 0.08;  // of the width, way of a moving corner between two images
 
+/// What is asked of a camera that the report calls good: its figures say more than our rules.
+CaptureGuideOptions half_of(CaptureGuideOptions options) {
+  options.tilt_deg /= 2;
+  options.depth_ratio = 1 + (options.depth_ratio - 1) / 2;
+  options.coverage = std::min(options.coverage, 0.5);
+  options.region_coverage /= 2;
+  return options;
+}
+
 double largest_motion(const SteadyView& view) {
   double most = 0;
   for (const TargetCorner& corner : view.corners) most = std::max(most, corner.px_per_s.norm());
@@ -30,6 +39,7 @@ CaptureGuide::Impl::Impl(const CalibrationTarget& target, const std::vector<View
       views{.target = target, .cameras = cameras, .sets = 0, .views = {}},
       windows(cameras.size()),
       progress(cameras.size()),
+      needs(cameras.size()),
       pairs(cameras.size()) {
   SL_CHECK(priors.empty() || priors.size() == cameras.size(), "a prior for each camera, or none");
   for (size_t c = 0; c < cameras.size(); ++c) {
@@ -37,6 +47,7 @@ CaptureGuide::Impl::Impl(const CalibrationTarget& target, const std::vector<View
     progress[c].lens_known = records[c].lens_known();
     views.cameras[c].images = 0;
   }
+  update();
 }
 
 CaptureStep CaptureGuide::Impl::find_still(Time now, Duration still, Sets& set, bool& brief) const {
@@ -147,7 +158,8 @@ void CaptureGuide::Impl::take(const Sets& set) {
 
 void CaptureGuide::Impl::update() {
   for (size_t c = 0; c < records.size(); ++c) {
-    const CameraNeeds needs = needs_of(records[c], options);
+    const bool good = report && report->cameras[c].grade == CalibrationGrade::kGood;
+    needs[c] = needs_of(records[c], good ? half_of(options) : options);
     CameraProgress& p = progress[c];
     p.views = records[c].views().size();
     p.coverage = records[c].coverage();
@@ -155,8 +167,8 @@ void CaptureGuide::Impl::update() {
     for (size_t side = 0; side < 4; ++side) {
       p.tilted[side] = records[c].tilt_deg(static_cast<TiltSide>(side)) >= options.tilt_deg;
     }
-    p.complete = needs.none();
-    p.share = needs.share;
+    p.complete = needs[c].none();
+    p.share = needs[c].share;
   }
 }
 
@@ -329,7 +341,7 @@ CaptureAdvice CaptureGuide::advice() const {
     if (better) camera = c;
   }
   if (camera < guide.records.size()) {
-    const CameraNeeds needs = needs_of(guide.records[camera], guide.options);
+    const CameraNeeds& needs = guide.needs[camera];
     advice.camera = camera;
     advice.region = needs.region;
     advice.distance = needs.distance;

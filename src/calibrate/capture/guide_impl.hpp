@@ -13,6 +13,7 @@ struct CaptureGuide::Impl {
   std::vector<calibrate::CameraRecord> records;
   std::vector<calibrate::SightWindow> windows;
   std::vector<CameraProgress> progress;
+  std::vector<calibrate::CameraNeeds> needs;
   calibrate::PairCounts pairs;
   size_t last_camera = 0;  ///< of which something was taken last
   std::optional<RigReport> report;
