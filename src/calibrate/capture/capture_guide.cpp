@@ -323,6 +323,23 @@ CaptureAdvice CaptureGuide::Impl::report_advice() const {
   return advice;
 }
 
+size_t CaptureGuide::Impl::next_camera() const {
+  // Where the person is; otherwise where least is missing, so that walks are few. Views that are
+  // missing in number alone come along with the others.
+  const auto rank = [&](size_t c) {
+    const CameraNeeds& n = needs[c];
+    const bool special =
+        n.region || n.tilt || n.distance != CaptureAdvice::Distance::kAny || progress[c].views == 0;
+    return (special ? 4.0 : 0.0) + (c == last_camera ? 2.0 : 0.0) + progress[c].share;
+  };
+  size_t best = records.size();
+  for (size_t c = 0; c < records.size(); ++c) {
+    if (progress[c].complete) continue;
+    if (best == records.size() || rank(c) > rank(best)) best = c;
+  }
+  return best;
+}
+
 CaptureAdvice CaptureGuide::advice() const {
   const Impl& guide = *impl_;
   CaptureAdvice advice;
@@ -331,15 +348,7 @@ CaptureAdvice CaptureGuide::advice() const {
     advice.words = "done: the report is good";
     return advice;
   }
-  // Where the person is; otherwise where least is missing, so that walks are few.
-  size_t camera = guide.records.size();
-  for (size_t c = 0; c < guide.records.size(); ++c) {
-    if (guide.progress[c].complete) continue;
-    const bool better =
-        camera == guide.records.size() || c == guide.last_camera ||
-        (camera != guide.last_camera && guide.progress[c].share > guide.progress[camera].share);
-    if (better) camera = c;
-  }
+  const size_t camera = guide.next_camera();
   if (camera < guide.records.size()) {
     const CameraNeeds& needs = guide.needs[camera];
     advice.camera = camera;

@@ -101,7 +101,9 @@ std::string CaptureGuide::coverage_svg(size_t camera) const {
       "sans-serif;fill:#444}}</style><rect x=\"-8\" y=\"-28\" width=\"{0:.0f}\" "
       "height=\"{1:.0f}\" fill=\"#fff\"/><text x=\"0\" y=\"-9\">{2}</text>",
       kWidth + 16, height + 80, html_text(impl_->name(camera)));
-  svg += cells(record, height) + outlines(record, kWidth / image_width);
+  svg += cells(record, height) +
+         fmt::format("<svg x=\"0\" y=\"0\" width=\"{:.1f}\" height=\"{:.1f}\">", kWidth, height) +
+         outlines(record, kWidth / image_width) + "</svg>";
   if (next.kind == CaptureAdvice::Kind::kShow && next.camera == camera && next.region) {
     svg += wanted(*next.region, height);
   }

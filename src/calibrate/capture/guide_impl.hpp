@@ -31,6 +31,8 @@ struct CaptureGuide::Impl {
   Status check(const Sets& set) const;
   void take(const Sets& set);
   void update();
+  /// That the next advice is for; past the last if none lacks anything.
+  size_t next_camera() const;
   CaptureAdvice report_advice() const;
   const std::string& name(size_t camera) const { return views.cameras[camera].name; }
 };
