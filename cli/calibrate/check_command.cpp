@@ -45,7 +45,11 @@ Json to_json(const RigCheck& check) {
 
 Status run_check(const CheckCommandOptions& o) {
   SL_ASSIGN(const auto calibration, read_calibration(o.calibration));
-  SL_ASSIGN(const CalibrationViews views, load_views(o.views));
+  SL_ASSIGN(CalibrationViews views, load_views(o.views));
+  for (TargetView& view : views.views) {
+    const auto* camera = find_camera(calibration, views.cameras[view.camera].name);
+    if (camera != nullptr) view.delay_s += camera->time_offset_s;
+  }
   SolveOptions options;
   options.time_offsets = o.time_offsets;
   SL_ASSIGN(const RigCheck check, check_rig(views, calibration, options));

@@ -31,6 +31,7 @@ Result<std::unique_ptr<CaptureSession>> CaptureSession::start(
   for (size_t c = 0; c < cameras.size(); ++c) {
     CameraConfig config = installation.cameras[cameras[c]];
     config.loop = false;
+    config.calibration.time_offset_s = 0;  // stamps as they are: the offset is what is looked for
     SL_ASSIGN(auto detector, TargetDetector::create(options.target, {.window = options.window}));
     const CameraId id(static_cast<uint32_t>(cameras[c]));
     parts.push_back({config.name, options.target, std::move(detector),
