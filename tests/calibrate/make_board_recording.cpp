@@ -21,7 +21,7 @@ using namespace sightline::test;
 
 struct Choice {
   std::string out;
-  bool flat = false;
+  bool flat = false, floor = false;
   size_t poses = 60, cameras = 2;
   double rate = 12, held = 0.75;
   int width = 640;
@@ -206,6 +206,17 @@ class Recorder {
   Random random_{17};
 };
 
+/// world_from_target: face up before the first camera, which looks down by 12 degrees.
+Rigid3 lying(const SyntheticRig& rig) {
+  constexpr double kDown = 0.21, kFar = 1.3, kBelow = 0.25;
+  const Eigen::Vector3d up(0, -std::cos(kDown), -std::sin(kDown));
+  Eigen::Matrix3d r;
+  r << Eigen::Vector3d::UnitX(), (-up).cross(Eigen::Vector3d::UnitX()), -up;
+  const Eigen::Vector2d half = rig.views.target.size() / 2;
+  return {Eigen::Quaterniond(r),
+          Eigen::Vector3d(0, 0, kFar) - kBelow * up - r * Eigen::Vector3d(half.x(), half.y(), 0)};
+}
+
 Status record(const Choice& choice) {
   const SyntheticRig rig = make_small_rig(choice);
   RecordingWriterOptions options;
@@ -219,6 +230,10 @@ Status record(const Choice& choice) {
   SL_RETURN_IF_ERROR(
       write_file_atomically(choice.out + "/board.toml", format_target(rig.views.target)));
   Recorder recorder(rig, choice, std::move(writer));
+  if (choice.floor) {
+    SL_RETURN_IF_ERROR(recorder.show(lying(rig)));
+    return recorder.close();
+  }
   CaptureGuide guide(rig.views.target, rig.views.cameras, {}, {});
   SimulatedUser user(rig, {.tilts = !choice.flat});
   size_t spare = 10;  // poses after the guide was content: what is detected is a little less
@@ -243,6 +258,7 @@ int main(int argc, char** argv) {
   CLI::App app{"Records somebody who shows a board to cameras"};
   app.add_option("OUT", choice.out, "folder to make")->required();
   app.add_flag("--flat", choice.flat, "never tilts it");
+  app.add_flag("--floor", choice.floor, "lies on the floor all the time");
   app.add_option("--poses", choice.poses, "at most");
   app.add_option("--cameras", choice.cameras, "how many")->check(CLI::Range(1, 3));
   app.add_option("--rate", choice.rate, "frames per second");
