@@ -21,7 +21,7 @@ using namespace sightline::test;
 
 struct Choice {
   std::string out;
-  bool flat = false, floor = false;
+  bool flat = false, floor = false, wall = false;
   size_t poses = 60, cameras = 2;
   double rate = 12, held = 0.75;
   int width = 640;
@@ -55,6 +55,19 @@ SyntheticRig make_small_rig(const Choice& choice) {
   return rig;
 }
 
+CalibrationTarget wall_target() {
+  CalibrationTarget target;
+  target.name = "wall";
+  target.kind = TargetKind::kTagGrid;
+  target.columns = 3;
+  target.rows = 2;
+  target.marker = 0.12;
+  target.gap = 0.03;
+  target.dictionary = "tag36h11";
+  target.fixed = true;
+  return target;
+}
+
 /// The board as a picture: dark, bright, and white paper around it.
 class Print {
  public:
@@ -73,6 +86,13 @@ class Print {
       }
     }
   }
+  /// Level of a ray that starts in front of the print, in the target's frame; negative beside it.
+  int seen(const Eigen::Vector3f& from, const Eigen::Vector3f& direction) const {
+    const float along = -from.z() / direction.z();
+    if (!(along > 0) || direction.z() <= 0) return -1;  // the print's back is out of sight
+    const Eigen::Vector3f hit = from + along * direction;
+    return at({hit.x(), hit.y()});
+  }
   /// Level at a place of the target's plane; negative beside the paper.
   int at(const Eigen::Vector2d& p) const {
     const int x = cell(p.x()), y = cell(p.y());
@@ -89,14 +109,19 @@ class Print {
   std::vector<uint8_t> levels_;
 };
 
-/// One camera's images of the print in front of a gray wall, nine rays to a pixel.
+/// A print, and where it stands behind the others.
+struct PlacedPrint {
+  const Print* print;
+  Rigid3 world_from_target;
+};
+
+/// One camera's images of prints in front of a gray wall, nine rays to a pixel.
 class Photographer {
  public:
-  Photographer(const CalibratedCamera& camera, const Print& print)
-      : camera_(camera), print_(print) {
+  explicit Photographer(const CalibratedCamera& camera) : camera_(camera) {
     for (int y = 0; y < camera.model.height(); ++y) {
       for (int x = 0; x < camera.model.width(); ++x) {
-        for (int k = 0; k < kRays; ++k) {
+        for (int k = 0; k < static_cast<int>(kRays); ++k) {
           const auto ray = camera.model.unproject({x + (k % 3 - 1) / 3.0, y + (k / 3 - 1) / 3.0});
           rays_.push_back(ray.value_or(Eigen::Vector3d::UnitZ()).cast<float>());
         }
@@ -104,41 +129,46 @@ class Photographer {
     }
   }
 
-  std::vector<uint8_t> shoot(const Rigid3& world_from_target) const {
-    const Rigid3 target_from_camera = world_from_target.inverse() * camera_.world_from_camera;
-    const Eigen::Matrix3f turn = target_from_camera.rotation.toRotationMatrix().cast<float>();
-    const Eigen::Vector3f from = target_from_camera.translation.cast<float>();
-    std::vector<uint8_t> image(rays_.size() / kRays);
-    for (size_t i = 0; i < image.size(); ++i) {
-      int sum = 0;
-      for (size_t k = 0; k < kRays; ++k) sum += level(turn * rays_[kRays * i + k], from);
-      image[i] = static_cast<uint8_t>(sum / kRays);
+  /// The first print is in front.
+  std::vector<uint8_t> shoot(const std::vector<PlacedPrint>& prints) const {
+    constexpr int kWall = 120;
+    std::vector<int> sums(rays_.size() / kRays, 0);
+    std::vector<char> free(rays_.size(), 1);
+    for (const PlacedPrint& placed : prints) {
+      const Rigid3 target_from_camera =
+          placed.world_from_target.inverse() * camera_.world_from_camera;
+      const Eigen::Matrix3f turn = target_from_camera.rotation.toRotationMatrix().cast<float>();
+      const Eigen::Vector3f from = target_from_camera.translation.cast<float>();
+      for (size_t i = 0; i < rays_.size(); ++i) {
+        if (!free[i]) continue;
+        const int level = placed.print->seen(from, turn * rays_[i]);
+        if (level < 0) continue;
+        free[i] = 0;
+        sums[i / kRays] += level;
+      }
     }
+    std::vector<uint8_t> image;
+    for (size_t i = 0; i < rays_.size(); ++i) sums[i / kRays] += free[i] * kWall;
+    for (const int sum : sums) image.push_back(static_cast<uint8_t>(sum / kRays));
     return image;
   }
 
  private:
-  static constexpr int kRays = 9;
-
-  int level(const Eigen::Vector3f& direction, const Eigen::Vector3f& from) const {
-    constexpr int kWall = 120;
-    const float along = -from.z() / direction.z();
-    if (!(along > 0) || direction.z() <= 0) return kWall;  // the print's back is out of sight
-    const Eigen::Vector3f hit = from + along * direction;
-    const int found = print_.at({hit.x(), hit.y()});
-    return found < 0 ? kWall : found;
-  }
+  static constexpr size_t kRays = 9;
 
   const CalibratedCamera& camera_;
-  const Print& print_;
   std::vector<Eigen::Vector3f> rays_;
 };
 
 class Recorder {
  public:
   Recorder(const SyntheticRig& rig, const Choice& choice, std::unique_ptr<RecordingWriter> writer)
-      : rig_(rig), choice_(choice), print_(rig.views.target), writer_(std::move(writer)) {
-    for (const CalibratedCamera& camera : rig.truth) eyes_.emplace_back(camera, print_);
+      : rig_(rig),
+        choice_(choice),
+        print_(rig.views.target),
+        wall_(wall_target()),
+        writer_(std::move(writer)) {
+    for (const CalibratedCamera& camera : rig.truth) eyes_.emplace_back(camera);
   }
 
   /// On the way there, and held there.
@@ -158,11 +188,17 @@ class Recorder {
 
   Status add(const Rigid3& pose, int times) {
     std::vector<std::vector<uint8_t>> images;
-    for (const Photographer& eye : eyes_) images.push_back(eye.shoot(pose));
+    std::vector<PlacedPrint> prints{{&print_, pose}};
+    // Behind everything that is shown, square to the first camera.
+    if (choice_.wall) prints.push_back({&wall_, Rigid3({1, 0, 0, 0}, {-0.2, -0.15, 2.4})});
+    for (const Photographer& eye : eyes_) images.push_back(eye.shoot(prints));
     const Duration period = from_seconds(1 / choice_.rate);
     for (int i = 0; i < times; ++i, ++sequence_) {
       for (uint32_t c = 0; c < images.size(); ++c) {
-        const Duration phase = period * c / static_cast<int64_t>(images.size());
+        // Cameras out of step, although all are shown the same: it is for a board that stands
+        // still.
+        const Duration phase =
+            choice_.wall ? Duration(0) : period * c / static_cast<int64_t>(images.size());
         const Time at = Time(std::chrono::seconds(1)) + period * sequence_ + phase;
         SL_RETURN_IF_ERROR(writer_->append(*noisy(c, images[c], at)));
       }
@@ -198,7 +234,7 @@ class Recorder {
 
   const SyntheticRig& rig_;
   const Choice& choice_;
-  Print print_;
+  Print print_, wall_;
   std::vector<Photographer> eyes_;
   std::unique_ptr<RecordingWriter> writer_;
   std::optional<Rigid3> shown_;
@@ -229,6 +265,8 @@ Status record(const Choice& choice) {
   SL_ASSIGN(auto writer, RecordingWriter::create(choice.out, options));
   SL_RETURN_IF_ERROR(
       write_file_atomically(choice.out + "/board.toml", format_target(rig.views.target)));
+  SL_RETURN_IF_ERROR(
+      write_file_atomically(choice.out + "/wall.toml", format_target(wall_target())));
   Recorder recorder(rig, choice, std::move(writer));
   if (choice.floor) {
     SL_RETURN_IF_ERROR(recorder.show(lying(rig)));
@@ -258,6 +296,7 @@ int main(int argc, char** argv) {
   CLI::App app{"Records somebody who shows a board to cameras"};
   app.add_option("OUT", choice.out, "folder to make")->required();
   app.add_flag("--flat", choice.flat, "never tilts it");
+  app.add_flag("--wall", choice.wall, "tags stand behind it, fixed (wall.toml); cameras in step");
   app.add_flag("--floor", choice.floor, "lies on the floor all the time");
   app.add_option("--poses", choice.poses, "at most");
   app.add_option("--cameras", choice.cameras, "how many")->check(CLI::Range(1, 3));

@@ -150,6 +150,31 @@ class Capture(Recorded):
         self.assertIn("the other layout for its even number of rows", error)
         self.assertFalse(os.path.exists(self.path("out", "calibration.toml")))
 
+    def test_tags_that_stand_in_the_room_take_part(self):
+        recording = self.path("wall")
+        subprocess.run([os.path.join(BIN, "make_board_recording"), recording, "--wall", "--poses", "8", "--held", "0.3"],
+                       check=True, timeout=4 * WAIT_S)
+        board, wall = os.path.join(recording, "board.toml"), os.path.join(recording, "wall.toml")
+        arguments = ("calibrate", "solve", recording, "--target", board, "--intrinsics",
+                     os.path.join(recording, "calibration.toml"))
+        sightline(*arguments, "--out", self.path("without"))
+        sightline(*arguments, "--target", wall, "--out", self.path("with"))
+        corners = read_text(self.path("with", "corners.csv"))
+        self.assertIn("#other fixed = true", corners)
+        rows = [row.split(",") for row in corners.split("\n") if row[:1].isdigit()]
+        fixed = {(row[0], row[1]) for row in rows if int(row[3]) >= 35}
+        self.assertEqual(len({row[0] for row in fixed}), 1, "one set for the whole recording")
+        self.assertEqual({camera for _, camera in fixed}, {"left", "right"})
+        true = self.calibration(os.path.join(recording, "calibration.toml"))["right"]["world_from_camera"]
+        for folder in ("without", "with"):
+            made = self.calibration(self.path(folder, "calibration.toml"))["right"]["world_from_camera"]
+            self.assertLess(max(abs(made[i][3] - true[i][3]) for i in range(3)), 0.005, folder)
+        again, _ = sightline("calibrate", "solve", self.path("with", "corners.csv"), "--intrinsics",
+                             os.path.join(recording, "calibration.toml"), "--out", self.path("again"))
+        self.assertIn("corners in the fit", again)
+        _, error = sightline(*arguments, "--target", board, "--out", self.path("no"), status=2)
+        self.assertIn("nothing tells it from the ChArUco board", error)
+
     def test_a_moving_board_in_rendered_footage(self):
         recording = os.path.join(SHARED, "bench-calibration")
         if not os.path.exists(recording):

@@ -150,10 +150,15 @@ void CaptureGuide::Impl::take(const Sets& set) {
                            fmt::format("set {}", views.sets)});
     records[c].take(set[c]->corners);
   }
-  if (std::ranges::find(seen_by, last_camera) == seen_by.end()) last_camera = seen_by.front();
-  pairs.add(seen_by);
+  note_seen(seen_by);
   ++views.sets;
   update();
+}
+
+void CaptureGuide::Impl::note_seen(const std::vector<size_t>& seen_by) {
+  if (seen_by.empty()) return;
+  if (std::ranges::find(seen_by, last_camera) == seen_by.end()) last_camera = seen_by.front();
+  pairs.add(seen_by);
 }
 
 void CaptureGuide::Impl::update() {
@@ -236,7 +241,7 @@ Status CaptureGuide::resume(const CalibrationViews& earlier) {
     guide.records[view.camera].take(view.corners);
     seen_by[view.set].push_back(view.camera);
   }
-  for (const auto& cameras : seen_by) guide.pairs.add(cameras);
+  for (const auto& cameras : seen_by) guide.note_seen(cameras);
   guide.views.sets += earlier.sets;
   guide.update();
   return {};

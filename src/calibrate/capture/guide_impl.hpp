@@ -30,6 +30,7 @@ struct CaptureGuide::Impl {
   CaptureStep find_moment(const TargetSight& sight, Sets& set) const;
   Status check(const Sets& set) const;
   void take(const Sets& set);
+  void note_seen(const std::vector<size_t>& seen_by);
   void update();
   /// That the next advice is for; past the last if none lacks anything.
   size_t next_camera() const;
