@@ -123,6 +123,7 @@ void add_calibrate_check(CLI::App& parent, Command& chosen) {
 
 void add_calibrate_world(CLI::App& parent, Command& chosen) {
   auto options = std::make_shared<WorldCommandOptions>();
+  options->views.by_any = true;
   auto* command = parent.add_subcommand(
       "world", "puts the world where a target lies on the floor, or where surveyed points say");
   add_view_arguments(*command, options->views);

@@ -118,6 +118,7 @@ Result<CalibrationViews> load_views(const ViewArguments& arguments) {
   TargetViewsOptions options;
   options.window = arguments.window;
   options.every = arguments.every;
+  options.by_any = arguments.by_any;
   options.cameras = arguments.cameras;
   std::optional<ProgressBar> bar;
   options.on_progress = [&](size_t done, size_t total) {

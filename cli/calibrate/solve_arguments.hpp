@@ -24,6 +24,7 @@ struct ViewArguments {
   std::vector<std::string> cameras;
   int window = 0;
   size_t every = 1;
+  bool by_any = false;  ///< see TargetViewsOptions
 };
 void add_view_arguments(CLI::App& command, ViewArguments& to);
 

@@ -95,8 +95,10 @@ class Print {
   }
   /// Level at a place of the target's plane; negative beside the paper.
   int at(const Eigen::Vector2d& p) const {
-    const int x = cell(p.x()), y = cell(p.y());
-    if (p.x() < -kBorder || p.y() < -kBorder || x >= columns_ || y >= rows_) return -1;
+    const Eigen::Vector2d end = size_ + Eigen::Vector2d::Constant(kBorder);
+    // Written so that what is not finite is beside it.
+    if (!(p.x() > -kBorder && p.y() > -kBorder && p.x() < end.x() && p.y() < end.y())) return -1;
+    const int x = std::min(cell(p.x()), columns_ - 1), y = std::min(cell(p.y()), rows_ - 1);
     return levels_[static_cast<size_t>(y) * static_cast<size_t>(columns_) + static_cast<size_t>(x)];
   }
 
@@ -244,7 +246,7 @@ class Recorder {
 
 /// world_from_target: face up before the first camera, which looks down by 12 degrees.
 Rigid3 lying(const SyntheticRig& rig) {
-  constexpr double kDown = 0.21, kFar = 1.3, kBelow = 0.25;
+  constexpr double kDown = 0.21, kFar = 0.8, kBelow = 0.36;
   const Eigen::Vector3d up(0, -std::cos(kDown), -std::sin(kDown));
   Eigen::Matrix3d r;
   r << Eigen::Vector3d::UnitX(), (-up).cross(Eigen::Vector3d::UnitX()), -up;
@@ -272,9 +274,11 @@ Status record(const Choice& choice) {
     SL_RETURN_IF_ERROR(recorder.show(lying(rig)));
     return recorder.close();
   }
-  CaptureGuide guide(rig.views.target, rig.views.cameras, {}, {});
+  CaptureGuideOptions careful;  // what is detected is a little less
+  careful.views += 3;
+  CaptureGuide guide(rig.views.target, rig.views.cameras, {}, careful);
   SimulatedUser user(rig, {.tilts = !choice.flat});
-  size_t spare = 10;  // poses after the guide was content: what is detected is a little less
+  size_t spare = 12;  // poses after the guide was content
   for (size_t pose = 0; pose < choice.poses && spare > 0; ++pose) {
     const Rigid3 shown = user.pose_for(guide.advice());
     std::optional<Error> error;

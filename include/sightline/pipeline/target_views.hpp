@@ -18,6 +18,7 @@ struct TargetViewsOptions {
   /// the shortest frame period. Corners are carried to the set's time by their own motion.
   double set_span_s = 0;
   std::vector<std::string> cameras;  ///< take part; empty: all
+  bool by_any = false;               ///< enough if one camera sees the target at all
   std::function<void(size_t done, size_t total)> on_progress;
 };
 

@@ -89,6 +89,7 @@ class Finders {
   static Result<Finders> create(const CalibrationTarget& target, const TargetViewsOptions& options,
                                 size_t cameras) {
     Finders out;
+    out.by_any_ = options.by_any;
     CalibrationTarget first = target;
     first.others.clear();
     std::vector<CalibrationTarget> parts{first};
@@ -117,7 +118,10 @@ class Finders {
       for (size_t c = 0; c < cameras.size(); ++c) seen[c] = seen[c] || part.finder->found_any(c);
     }
     const std::vector<char> all(cameras.size(), 1), none(cameras.size(), 0);
-    SL_RETURN_IF_ERROR(parts_[0].finder->finish(cameras, parts_.size() > 1 ? seen : none));
+    const bool somebody = std::count(seen.begin(), seen.end(), 1) > 0;
+    SL_RETURN_IF_ERROR(parts_[0].finder->finish(cameras, by_any_ && somebody ? all
+                                                         : parts_.size() > 1 ? seen
+                                                                             : none));
     for (size_t k = 1; k < parts_.size(); ++k) {
       SL_RETURN_IF_ERROR(parts_[k].finder->finish(cameras, all));
       bool any = false;
@@ -131,6 +135,7 @@ class Finders {
 
  private:
   std::vector<Part> parts_;
+  bool by_any_ = false;
 };
 
 /// One set of a target that stands in the room: each camera's median over its images.
