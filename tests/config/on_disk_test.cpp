@@ -70,7 +70,7 @@ TEST_F(OnDisk, AnInstallationThatIsToBeCalibrated) {
   // Everything else is still refused.
   rewrite("rig.toml", "width = 1920\n", "");
   EXPECT_FALSE(read_uncalibrated_installation(folder_ / "rig.toml"));
-  rewrite("rig.toml", "height = 1080\n", "colour = 1\n");
+  rewrite("rig.toml", "height = 1080\n", "tint = 1\n");
   EXPECT_FALSE(read_uncalibrated_installation(folder_ / "rig.toml"));
 }
 

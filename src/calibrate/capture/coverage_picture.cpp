@@ -4,13 +4,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "calibrate/capture/guide_impl.hpp"
+#include "calibrate/capture/guide_state.hpp"
 #include "calibrate/report/plots.hpp"
 
-namespace sightline {
-
-using namespace calibrate;
-
+namespace sightline::calibrate {
 namespace {
 
 constexpr double kWidth = 480;  // of a picture [px]
@@ -90,17 +87,16 @@ std::string captions(const CameraProgress& p, const CaptureGuideOptions& options
 
 }  // namespace
 
-std::string CaptureGuide::coverage_svg(size_t camera) const {
-  const CameraRecord& record = impl_->records[camera];
+std::string coverage_svg(const GuideState& guide, size_t camera, const CaptureAdvice& next) {
+  const CameraRecord& record = guide.records[camera];
   const double image_width = std::max(1, record.width());
   const double height = kWidth * (record.height() > 0 ? record.height() / image_width : 0.75);
-  const CaptureAdvice next = advice();
   std::string svg = fmt::format(
       "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"-8 -28 {0:.0f} {1:.0f}\" "
       "width=\"{0:.0f}\"><style>text{{font:600 15px sans-serif;fill:#222}}.n{{font:13px "
       "sans-serif;fill:#444}}</style><rect x=\"-8\" y=\"-28\" width=\"{0:.0f}\" "
       "height=\"{1:.0f}\" fill=\"#fff\"/><text x=\"0\" y=\"-9\">{2}</text>",
-      kWidth + 16, height + 80, html_text(impl_->name(camera)));
+      kWidth + 16, height + 80, html_text(guide.name(camera)));
   svg += cells(record, height) +
          fmt::format("<svg x=\"0\" y=\"0\" width=\"{:.1f}\" height=\"{:.1f}\">", kWidth, height) +
          outlines(record, kWidth / image_width) + "</svg>";
@@ -110,10 +106,11 @@ std::string CaptureGuide::coverage_svg(size_t camera) const {
   svg += fmt::format(
       "<rect x=\"0\" y=\"0\" width=\"{:.1f}\" height=\"{:.1f}\" fill=\"none\" stroke=\"#888\"/>",
       kWidth, height);
-  return svg + captions(impl_->progress[camera], impl_->options, height) + "</svg>\n";
+  return svg + captions(guide.progress[camera], guide.options, height) + "</svg>\n";
 }
 
-std::string CaptureGuide::page(bool over) const {
+std::string capture_page(const GuideState& guide, const CaptureAdvice& next, double share,
+                         bool over) {
   std::string html =
       "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Calibration: "
       "capture</title>\n";
@@ -123,18 +120,18 @@ std::string CaptureGuide::page(bool over) const {
       ".advice{{font-size:1.7rem;font-weight:600}}.pictures{{display:flex;flex-wrap:wrap;"
       "gap:1rem}}</style></head><body>\n<p class=\"advice\">{}</p>\n<p>{} sets, {:.0f} % of what "
       "is needed.</p>\n<div class=\"pictures\">\n",
-      html_text(advice().words), impl_->views.sets, 100 * share());
-  for (size_t c = 0; c < impl_->records.size(); ++c) html += coverage_svg(c);
+      html_text(next.words), guide.views.sets, 100 * share);
+  for (size_t c = 0; c < guide.records.size(); ++c) html += coverage_svg(guide, c, next);
   html += "</div>\n<p>";
-  for (size_t a = 0; a < impl_->records.size(); ++a) {
-    for (size_t b = a + 1; b < impl_->records.size(); ++b) {
-      const size_t sets = links(a, b);
+  for (size_t a = 0; a < guide.records.size(); ++a) {
+    for (size_t b = a + 1; b < guide.records.size(); ++b) {
+      const size_t sets = guide.pairs.of(a, b);
       if (sets == 0) continue;
-      html += fmt::format("{} and {} saw it together {} times.<br>\n", html_text(impl_->name(a)),
-                          html_text(impl_->name(b)), sets);
+      html += fmt::format("{} and {} saw it together {} times.<br>\n", html_text(guide.name(a)),
+                          html_text(guide.name(b)), sets);
     }
   }
   return html + "</p></body></html>\n";
 }
 
-}  // namespace sightline
+}  // namespace sightline::calibrate

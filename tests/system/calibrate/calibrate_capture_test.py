@@ -8,11 +8,13 @@ import os
 import re
 import signal
 import subprocess
+import sys
 import time
 import tomllib
 import unittest
 
-from support import BIN, ROOT, WAIT_S, TemporaryFolder, read_text, sightline, wait_until
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
+from support import BIN, ROOT, WAIT_S, TemporaryFolder, read_text, sightline, wait_until  # noqa: E402
 
 SHARED = os.path.join(ROOT, "..", "shared", "recordings")
 

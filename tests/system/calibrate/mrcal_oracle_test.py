@@ -9,7 +9,8 @@ import sys
 import tempfile
 import tomllib
 
-from support import sightline
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
+from support import sightline  # noqa: E402
 
 PICTURES = "/usr/share/doc/opencv-doc/examples/data"
 try:
