@@ -174,9 +174,7 @@ struct InstallationFiles {
 /// further ones with their own place in front. Nothing is opened but files.
 Result<Installation> read_installation(const std::filesystem::path& path);
 
-/// The same of an installation whose cameras are to be calibrated
-/// (InstallationFiles::uncalibrated). The calibrations in it stand in for nothing; its sources are
-/// what it is good for.
+/// The same for cameras that are to be calibrated: see InstallationFiles::uncalibrated.
 Result<Installation> read_uncalibrated_installation(const std::filesystem::path& path);
 
 /// The same from memory; relative paths start at the folder of `path`.
