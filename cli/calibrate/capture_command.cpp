@@ -38,6 +38,7 @@ struct CaptureCommandOptions {
   int window = 0;
   size_t most = 200;
   bool moving = false, bend = false, resume = false, json = false;
+  bool corners_only = false;
   std::optional<double> seconds;
 };
 
@@ -202,6 +203,10 @@ Status capture(const CaptureCommandOptions& o) {
     return make_error(ErrorCode::kInvalidInput, "", "nothing was taken: {}",
                       next_words(state, names));
   }
+  if (o.corners_only) {
+    fmt::print("{} sets written: {}\n", views.sets, (o.out / "corners.csv").string());
+    return {};
+  }
   std::optional<SolvedRig> solved;
   if (const auto passed = session->solved(); passed && state.passed) {
     views = passed->views;
@@ -259,6 +264,8 @@ void add_calibrate_capture(CLI::App& parent, Command& chosen) {
                    "half side of the window in which corners are refined [px] (default: from the "
                    "size of the squares)")
       ->check(CLI::Range(1, 50));
+  command->add_flag("--corners-only", options->corners_only,
+                    "writes corners.csv and solves nothing: for `calibrate check` and `world`");
   command->add_option("--sets", options->most, "stop after so many sets (default 200)")
       ->check(CLI::PositiveNumber);
   command->add_option("--seconds", options->seconds, "stop after so long")

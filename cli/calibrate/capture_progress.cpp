@@ -67,7 +67,7 @@ std::string CaptureProgressLine::line(const CaptureState& state) const {
                        100 * state.share, words);
   }
   return fmt::format("[{}] {:>3.0f} % {:>3} sets  {}{}", bar(state.share), 100 * state.share,
-                     state.sets, words, hint(state.step));
+                     state.sets, words, state.passed ? "" : hint(state.step));
 }
 
 void CaptureProgressLine::show(const CaptureState& state) {

@@ -222,6 +222,17 @@ TEST(Interchange, RefusesBrokenTomlByPlace) {
                      "0.0, 1.0]]\ndistortions = []\n"),
               FailsWith("'matrix' is no"));
   EXPECT_THAT(import("[cam_0]\nsize = [4, nan]\n"), FailsWith("no finite number"));
+  const std::string rest =
+      "size = [4, 3]\nmatrix = [[4.0, 0.0, 2.0], [0.0, 4.0, 1.0], [0.0, 0.0, 1.0]]\n"
+      "distortions = [0.0]\nrotation = [0.0, 0.0, 0.0]\n";
+  EXPECT_THAT(import("[cam_0]\n" + rest + "translation = [1e300, 1e300, 0.0]\n"),
+              FailsWith("is no place of a camera"));
+  const auto odd =
+      import("[cam_0]\nname = \"a\\\"\\n\\\\b\"\n" + rest + "translation = [0.0, 0.0, 0.0]\n");
+  ASSERT_THAT(odd, IsOk());
+  const auto back = import(export_cameras(*odd, InterchangeFormat::kAnipose)->front().text);
+  ASSERT_THAT(back, IsOk());
+  EXPECT_EQ(back->front().name, "a\"\n\\b");
 }
 
 }  // namespace

@@ -11,6 +11,8 @@
 namespace sightline::calibrate {
 namespace {
 
+constexpr double kFarthest = 1e9;  // from the world's origin, in whatever unit
+
 /// Floating point all through: older readers refuse lists of whole and other numbers.
 std::string floats(const std::vector<double>& values) {
   std::string text = "[";
@@ -23,7 +25,19 @@ std::string floats(const std::vector<double>& values) {
   return text + "]";
 }
 
-std::string quoted(const std::string& text) { return "\"" + text + "\""; }
+std::string quoted(const std::string& text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (byte < 0x20 || byte == 0x7f) {
+      out += fmt::format("\\u{:04x}", byte);
+    } else {
+      if (c == '"' || c == '\\') out += '\\';
+      out += c;
+    }
+  }
+  return out + '"';
+}
 
 /// What both write of a camera, behind its name.
 Result<std::string> lens_and_place(const CalibratedCamera& camera, const char* format) {
@@ -73,6 +87,9 @@ class CameraTable {
     camera_from_world.translation << t[0], t[1], t[2];
     CalibratedCamera out{table_["name"].value_or(otherwise), std::move(lens),
                          camera_from_world.inverse()};
+    if (!(out.world_from_camera.translation.norm() < kFarthest)) {
+      return fault("translation", "is no place of a camera");
+    }
     const double error = table_["error"].value_or(0.0);
     if (std::isfinite(error) && error > 0 && error < 100) out.rms_px = error;
     return out;

@@ -122,6 +122,18 @@ class Capture(Recorded):
         self.assertEqual(read_text(force), before)
         self.assertEqual(len(self.calibration(os.path.join(out, "calibration.toml"))), 2)
 
+    def test_one_look_places_the_world(self):
+        lying = self.path("lying")
+        subprocess.run([os.path.join(BIN, "make_board_recording"), lying, "--floor", "--held", "3"], check=True, timeout=WAIT_S)
+        out = self.path("floor")
+        said, _ = sightline(*self.arguments(self.rig(recording=lying), out, "--sets", 1, "--corners-only"))
+        self.assertIn("1 sets written", said)
+        self.assertFalse(os.path.exists(os.path.join(out, "calibration.toml")))
+        sightline("calibrate", "world", os.path.join(out, "corners.csv"), "--calibration",
+                  os.path.join(self.recording, "calibration.toml"), "--out", self.path("world.toml"))
+        for camera in self.calibration(self.path("world.toml")).values():
+            self.assertAlmostEqual(camera["world_from_camera"][2][3], 0.53, delta=0.15)  # above the floor
+
     def test_too_early_it_says_what_is_missing(self):
         out = self.path("out")
         process = self.begin(*self.arguments(self.rig(), out))
