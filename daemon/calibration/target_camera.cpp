@@ -62,7 +62,7 @@ void TargetCamera::capture(const std::stop_token& stop) {
   Backoff backoff(parts_.name);
   const auto lose = [&](const Error& error) {
     source.reset();
-    note_problem(error.message());
+    note_problem(error.where == parts_.name ? error.text : error.message());
     sleep_unless_stopped(stop, backoff.next());
   };
   while (!stop.stop_requested()) {

@@ -156,6 +156,11 @@ class Capture(Recorded):
         _, error = sightline(*self.arguments(self.rig(cameras=("left", "middle")), self.path("out")), status=2)
         self.assertIn("the recording has no camera \"middle\"", error)
 
+    def test_a_camera_that_is_not_there_is_named(self):
+        config = self.write("absent.toml", '[[camera]]\nname = "left"\nsource = "v4l2:/dev/video99"\n')
+        _, error = sightline(*self.arguments(config, self.path("out")), status=3)
+        self.assertRegex(error, r"camera left: no image in 20 s: no camera '/dev/video99'")
+
     def test_a_flipped_print_is_refused_while_it_is_shown(self):
         text = read_text(self.target()).replace('layout = "dark_first"', 'layout = "marker_first"')
         target = self.write("other.toml", text)
