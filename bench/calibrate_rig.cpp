@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// calibrate_rig CAMERAS [SETS_PER_CAMERA]: solves a synthetic ring, each target seen by few
+// calibrate_rig CAMERAS [SETS_PER_CAMERA [FACES]]: solves a synthetic ring, each target seen by few
 // cameras, and prints time, errors against the claimed sigmas, and how far the ring has drifted
-// (JSON).
+// (JSON). With FACES, of a pillar with fixed tags in the middle, each set is seen by two neighbors
+// only; it may be 0.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -15,8 +16,12 @@ int main(int argc, char** argv) {
   using namespace sightline;
   const size_t cameras = argc > 1 ? std::strtoul(argv[1], nullptr, 10) : 24;
   const size_t sets = cameras * (argc > 2 ? std::strtoul(argv[2], nullptr, 10) : 25);
-  const test::SyntheticRig rig =
-      test::make_rig({.cameras = cameras, .sets = sets, .noise_px = 0.3});
+  const size_t faces = argc > 3 ? std::strtoul(argv[3], nullptr, 10) : 0;
+  const test::SyntheticRig rig = test::make_rig({.cameras = cameras,
+                                                 .sets = sets,
+                                                 .noise_px = 0.3,
+                                                 .pillar = faces,
+                                                 .two_at_a_time = argc > 3});
   const auto start = std::chrono::steady_clock::now();
   const auto solution = solve_rig(rig.views, {});
   const double seconds =
@@ -45,6 +50,7 @@ int main(int argc, char** argv) {
   }
   const nlohmann::ordered_json json{{"cameras", cameras},
                                     {"sets", sets},
+                                    {"faces", faces},
                                     {"corners", solution->corners},
                                     {"seconds", seconds},
                                     {"iterations", solution->iterations},

@@ -11,6 +11,7 @@
 
 #include "sightline/observe/terms/reprojection_term.hpp"
 #include "sightline/pipeline/object_fusion.hpp"
+#include "sightline/pipeline/replay_library.hpp"
 #include "sightline/pipeline/rig_parts.hpp"
 #include "sightline/record/replay.hpp"
 
@@ -33,7 +34,8 @@ Result<std::vector<Sight>> observe_all(const Installation& installation, const R
     SL_ASSIGN(auto observer, make_observer(installation, rig, CameraId(static_cast<uint32_t>(i))));
     observers.push_back(std::move(observer));
   }
-  SL_ASSIGN(auto replay, VirtualReplay::open(recording));
+  SL_ASSIGN(auto replay,
+            VirtualReplay::open(recording, {}, time_offsets(*recording, installation)));
   std::vector<Sight> sights;
   std::vector<Observation> made;
   for (;;) {

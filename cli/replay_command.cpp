@@ -14,6 +14,7 @@
 #include "report.hpp"
 #include "sightline/base/log.hpp"
 #include "sightline/config/object_file.hpp"
+#include "sightline/pipeline/replay_library.hpp"
 #include "sightline/pipeline/replay_pipeline.hpp"
 #include "start_argument.hpp"
 
@@ -106,7 +107,8 @@ Result<ReplaySummary> run(const ReplayOptions& options) {
                                    {options.overlay, options.overlay_png, options.points},
                                    options.search));
   SL_RETURN_IF_ERROR(use_starts(options.starts, installation, *pipeline));
-  SL_ASSIGN(auto replay, VirtualReplay::open(recording));
+  SL_ASSIGN(auto replay,
+            VirtualReplay::open(recording, {}, time_offsets(*recording, installation)));
   ProgressBar bar("replay", recording->frame_count());
   Pace pace(options.realtime);
   for (;;) {

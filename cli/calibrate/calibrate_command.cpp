@@ -9,8 +9,9 @@ void add_calibrate(CLI::App& app, Command& chosen) {
   auto* command = app.add_subcommand(
       "calibrate", "lenses and places of a rig's cameras, with a report of how good they are");
   command->require_subcommand(1);
-  add_calibrate_solve(*command, chosen);
   add_calibrate_target(*command, chosen);
+  add_calibrate_capture(*command, chosen);
+  add_calibrate_solve(*command, chosen);
   add_calibrate_check(*command, chosen);
   add_calibrate_world(*command, chosen);
   add_calibrate_accept(*command, chosen);

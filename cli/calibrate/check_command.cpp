@@ -45,7 +45,11 @@ Json to_json(const RigCheck& check) {
 
 Status run_check(const CheckCommandOptions& o) {
   SL_ASSIGN(const auto calibration, read_calibration(o.calibration));
-  SL_ASSIGN(const CalibrationViews views, load_views(o.views));
+  SL_ASSIGN(CalibrationViews views, load_views(o.views));
+  for (TargetView& view : views.views) {
+    const auto* camera = find_camera(calibration, views.cameras[view.camera].name);
+    if (camera != nullptr) view.delay_s += camera->time_offset_s;
+  }
   SolveOptions options;
   options.time_offsets = o.time_offsets;
   SL_ASSIGN(const RigCheck check, check_rig(views, calibration, options));
@@ -119,6 +123,7 @@ void add_calibrate_check(CLI::App& parent, Command& chosen) {
 
 void add_calibrate_world(CLI::App& parent, Command& chosen) {
   auto options = std::make_shared<WorldCommandOptions>();
+  options->views.by_any = true;
   auto* command = parent.add_subcommand(
       "world", "puts the world where a target lies on the floor, or where surveyed points say");
   add_view_arguments(*command, options->views);

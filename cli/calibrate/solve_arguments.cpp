@@ -16,7 +16,7 @@ namespace sightline::cli {
 namespace {
 
 Result<CalibrationTarget> find_target(const ViewArguments& arguments) {
-  if (!arguments.target.empty()) return read_target(arguments.target);
+  if (!arguments.targets.empty()) return read_targets(arguments.targets);
   if (arguments.recording.empty()) {
     return make_error(ErrorCode::kInvalidInput, "--target",
                       "say which target the images show: --target target.toml");
@@ -31,6 +31,25 @@ Result<CalibrationTarget> find_target(const ViewArguments& arguments) {
                     "target.toml");
 }
 
+/// Whether an image of one may be taken for one of the other.
+bool share_markers(const CalibrationTarget& a, const CalibrationTarget& b) {
+  if (a.kind == TargetKind::kChessboard || b.kind == TargetKind::kChessboard) {
+    return a.kind == b.kind && a.columns == b.columns && a.rows == b.rows;
+  }
+  const auto first = [](const CalibrationTarget& t) {
+    return t.kind == TargetKind::kTagGrid ? t.first_id : 0;
+  };
+  const auto end = [&](const CalibrationTarget& t) {
+    const int squares = t.columns * t.rows;
+    return first(t) + (t.kind == TargetKind::kTagGrid ? squares : (squares + 1) / 2);
+  };
+  // Of dictionaries of one size the smaller one is the beginning of the larger one.
+  const auto family = [](const CalibrationTarget& t) {
+    return t.dictionary.substr(0, t.dictionary.find('_'));
+  };
+  return a.kind == b.kind && family(a) == family(b) && first(a) < end(b) && first(b) < end(a);
+}
+
 std::optional<LensModel> lens_of(const std::string& name) {
   if (name == "brown_conrady") return LensModel::kBrownConrady;
   if (name == "rational") return LensModel::kRational;
@@ -40,6 +59,28 @@ std::optional<LensModel> lens_of(const std::string& name) {
 
 }  // namespace
 
+Result<CalibrationTarget> read_targets(const std::vector<std::filesystem::path>& files) {
+  std::optional<CalibrationTarget> first;
+  for (const auto& file : files) {
+    SL_ASSIGN(CalibrationTarget target, read_target(file));
+    if (!first) {
+      first = std::move(target);
+      continue;
+    }
+    std::vector<CalibrationTarget> before{*first};
+    before.insert(before.end(), first->others.begin(), first->others.end());
+    for (const CalibrationTarget& other : before) {
+      if (!share_markers(target, other)) continue;
+      return make_error(ErrorCode::kInvalidInput, file.string(),
+                        "nothing tells it from the {}: take another dictionary, or other ids",
+                        other.describe());
+    }
+    first->others.push_back(std::move(target));
+  }
+  SL_CHECK(first.has_value(), "a target file at least");
+  return *first;
+}
+
 void add_view_arguments(CLI::App& command, ViewArguments& to) {
   command.add_option("RECORDING", to.recording,
                      "recording in which the target is shown, or corners.csv of another solution");
@@ -48,8 +89,11 @@ void add_view_arguments(CLI::App& command, ViewArguments& to) {
                   "NAME=FOLDER or NAME=PATTERN: still images of one camera, instead of a "
                   "recording; may be repeated")
       ->allow_extra_args(false);
-  command.add_option("--target", to.target,
-                     "target file (default: the object of the recording that is a board)");
+  command
+      .add_option("--target", to.targets,
+                  "target file (default: the object of the recording that is a board); may be "
+                  "repeated: further boards, or tags that stand in the room (fixed = true)")
+      ->allow_extra_args(false);
   command.add_option("--camera", to.cameras, "takes part (default: all); may be repeated")
       ->allow_extra_args(false);
   command
@@ -74,6 +118,7 @@ Result<CalibrationViews> load_views(const ViewArguments& arguments) {
   TargetViewsOptions options;
   options.window = arguments.window;
   options.every = arguments.every;
+  options.by_any = arguments.by_any;
   options.cameras = arguments.cameras;
   std::optional<ProgressBar> bar;
   options.on_progress = [&](size_t done, size_t total) {

@@ -19,15 +19,20 @@ namespace sightline::cli {
 struct ViewArguments {
   std::filesystem::path recording;  ///< a recording, or corners.csv
   std::vector<std::string> images;  ///< NAME=FOLDER or NAME=PATTERN, instead
-  std::filesystem::path target;     ///< target.toml; empty: the recording's object with a board
+  /// target.toml of each; empty: the recording's object with a board
+  std::vector<std::filesystem::path> targets;
   std::vector<std::string> cameras;
   int window = 0;
   size_t every = 1;
+  bool by_any = false;  ///< see TargetViewsOptions
 };
 void add_view_arguments(CLI::App& command, ViewArguments& to);
 
 /// Finds the target, with a progress bar.
 Result<CalibrationViews> load_views(const ViewArguments& arguments);
+
+/// The first with the others beside it. Refused: two that share markers.
+Result<CalibrationTarget> read_targets(const std::vector<std::filesystem::path>& files);
 
 /// "brown_conrady", "rational" or "fisheye" for all cameras, or "NAME=MODEL" for one.
 Result<std::vector<CameraPrior>> parse_priors(const CalibrationViews& views,

@@ -1,19 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <fmt/format.h>
-
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <cstdio>
-#include <ctime>
 #include <memory>
 #include <optional>
 
 #include "calibrate/calibrate_commands.hpp"
 #include "calibrate/solve_arguments.hpp"
+#include "calibrate/solved_rig.hpp"
 #include "report.hpp"
-#include "sightline/base/files.hpp"
-#include "sightline/calibrate/assess.hpp"
-#include "sightline/calibrate/calibration_file.hpp"
 
 namespace sightline::cli {
 namespace {
@@ -28,87 +22,15 @@ struct SolveCommandOptions {
   SolveOptions solve;
 };
 
-std::vector<CalibratedCamera> cameras_of(const RigSolution& solution) {
-  std::vector<CalibratedCamera> cameras;
-  for (const SolvedCamera& solved : solution.cameras) cameras.push_back(solved.camera);
-  return cameras;
-}
-
-void print(const RigSolution& solution, const RigReport& report) {
-  fmt::print("{} corners in the fit, {} left out; RMS {:.6f} px\n", solution.corners,
-             solution.rejected, solution.rms_px);
-  if (report.held_out_px) fmt::print("held out: {:.4f} px\n", *report.held_out_px);
-  if (report.rigidity) {
-    fmt::print("lengths on the target: {:.3f} mm RMS ({:.3f} mm of neighbors), scale {:.5f}\n",
-               report.rigidity->rms_mm, report.rigidity->adjacent_mm, report.rigidity->scale);
-  }
-  fmt::print("{:<12} {:>6} {:>9} {:>9} {:>9} {:>8} {:>9} {:>9}\n", "camera", "views", "fit px",
-             "held px", "half mm", "half deg", "half px", "offset ms");
-  const auto text = [](const std::optional<double>& value) {
-    return value ? fmt::format("{:.3f}", *value) : std::string("-");
-  };
-  for (size_t c = 0; c < report.cameras.size(); ++c) {
-    const CameraReport& r = report.cameras[c];
-    const SolvedCamera& s = solution.cameras[c];
-    const auto half = [&](double SplitHalf::*member) {
-      return r.split_half ? std::optional<double>((*r.split_half).*member) : std::nullopt;
-    };
-    fmt::print("{:<12} {:>6} {:>9.3f} {:>9} {:>9} {:>8} {:>9} {:>9.1f}\n", r.name, s.views,
-               s.camera.rms_px, text(r.held_out_px), text(half(&SplitHalf::center_mm)),
-               text(half(&SplitHalf::rotation_deg)), text(half(&SplitHalf::median_px)),
-               1e3 * s.time_offset_s);
-  }
-  for (const CameraReport& r : report.cameras) {
-    for (const std::string& remark : r.remarks) fmt::print("{}: {}\n", r.name, remark);
-  }
-}
-
-/// UTC, as TOML writes dates.
-std::string today() {
-  const std::time_t now = std::time(nullptr);
-  std::tm utc{};
-  gmtime_r(&now, &utc);
-  return fmt::format("{:04}-{:02}-{:02}", utc.tm_year + 1900, utc.tm_mon + 1, utc.tm_mday);
-}
-
-/// calibration.toml last: it is in force once it is there, and what explains it is there by then.
-Status write(const std::filesystem::path& folder, const CalibrationViews& views,
-             const RigSolution& solution, const RigReport& report, const std::string& epoch) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error)
-    return make_error(ErrorCode::kIo, folder.string(), "cannot make it: {}", error.message());
-  SL_RETURN_IF_ERROR(write_file_atomically(folder / "corners.csv", format_views(views)));
-  SL_RETURN_IF_ERROR(
-      write_file_atomically(folder / "report.json", report_json(views, solution, report, epoch)));
-  SL_RETURN_IF_ERROR(
-      write_file_atomically(folder / "report.html", report_html(views, solution, report, epoch)));
-  const std::string text =
-      format_solution(solution, today(), fmt::format("epoch {}, see corners.csv", epoch));
-  SL_RETURN_IF_ERROR(parse_calibration(text, "the calibration"));
-  return write_file_atomically(folder / "calibration.toml", text);
-}
-
-struct Solved {
-  RigSolution solution;
-  RigReport report;
-};
-
-Result<Solved> solve(const CalibrationViews& views, const SolveOptions& options) {
-  SL_ASSIGN(RigSolution solution, solve_rig(views, options));
-  SL_ASSIGN(RigReport report, assess_rig(views, options, solution));
-  return Solved{std::move(solution), std::move(report)};
-}
-
 /// The family that predicts what it was not fitted to best; a richer one must be better by 2 %.
-Result<Solved> solve_best(const CalibrationViews& views, SolveOptions options) {
+Result<SolvedRig> solve_best(const CalibrationViews& views, SolveOptions options) {
   constexpr double kBetter = 0.98;
-  std::optional<Solved> best;
+  std::optional<SolvedRig> best;
   std::optional<Error> refused;
   for (const LensModel lens :
        {LensModel::kBrownConrady, LensModel::kFisheye, LensModel::kRational}) {
     for (CameraPrior& prior : options.cameras) prior.lens = lens;
-    auto solved = solve(views, options);
+    auto solved = solve_and_assess(views, options);
     const char* const name = lens == LensModel::kBrownConrady ? "brown_conrady"
                              : lens == LensModel::kFisheye    ? "fisheye"
                                                               : "rational";
@@ -134,28 +56,11 @@ Status run(const SolveCommandOptions& o) {
   const bool best = o.models == std::vector<std::string>{"best"};
   SL_ASSIGN(options.cameras,
             parse_priors(views, best ? std::vector<std::string>() : o.models, o.intrinsics));
-  if (!o.reference.empty()) {
-    const auto found = std::find_if(views.cameras.begin(), views.cameras.end(),
-                                    [&](const ViewedCamera& c) { return c.name == o.reference; });
-    if (found == views.cameras.end()) {
-      return make_error(ErrorCode::kInvalidInput, "--reference", "no camera '{}' took part",
-                        o.reference);
-    }
-    options.reference = static_cast<size_t>(found - views.cameras.begin());
-  }
-  SL_ASSIGN(const Solved solved, best ? solve_best(views, options) : solve(views, options));
-  const RigSolution& solution = solved.solution;
-  const RigReport& report = solved.report;
-  const std::string epoch = fmt::format(
-      "{:016x}", content_hash(format_views(views) + format_calibration(cameras_of(solution))));
-  SL_RETURN_IF_ERROR(write(o.out, views, solution, report, epoch));
-  if (o.json) {
-    fmt::print("{}", report_json(views, solution, report, epoch));
-  } else {
-    print(solution, report);
-    fmt::print("written: {}/calibration.toml, report.html, report.json, corners.csv\n",
-               o.out.string());
-  }
+  SL_ASSIGN(options.reference, reference_camera(views, o.reference));
+  SL_ASSIGN(const SolvedRig solved,
+            best ? solve_best(views, options) : solve_and_assess(views, options));
+  SL_RETURN_IF_ERROR(write_solved(o.out, views, solved));
+  print_solved(views, solved, o.json, o.out);
   return {};
 }
 

@@ -55,7 +55,9 @@ std::string format_camera(const CalibratedCamera& camera) {
       number(p.cy), list(p.distortion.data(), coefficients_of(p.lens)));
   const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> m = camera.world_from_camera.matrix();
   for (int row = 0; row < 4; ++row) text += "  " + list(m.data() + 4 * row, 4) + ",\n";
-  return text + fmt::format("]\nrms_px = {}\n", number(camera.rms_px));
+  text += fmt::format("]\nrms_px = {}\n", number(camera.rms_px));
+  if (camera.time_offset_s == 0) return text;
+  return text + fmt::format("time_offset_s = {}\n", number(camera.time_offset_s));
 }
 
 Result<std::vector<CalibratedCamera>> read_cameras(const toml::table& root,

@@ -10,9 +10,10 @@
 namespace sightline::calibrate {
 namespace {
 
-constexpr std::array kKeys = {"name", "width", "height", "model",      "fx",
-                              "fy",   "cx",    "cy",     "distortion", "world_from_camera",
-                              "rvec", "tvec",  "rms_px", "date",       "sigmas"};
+constexpr std::array kKeys = {"name",         "width", "height", "model",      "fx",
+                              "fy",           "cx",    "cy",     "distortion", "world_from_camera",
+                              "rvec",         "tvec",  "rms_px", "date",       "sigmas",
+                              "time_offset_s"};
 /// Keys of [camera.sigmas] and how many numbers each takes (0: as many as the distortion).
 constexpr std::array<std::pair<const char*, size_t>, 7> kSigmas = {{{"fx", 1},
                                                                     {"fy", 1},
@@ -22,7 +23,8 @@ constexpr std::array<std::pair<const char*, size_t>, 7> kSigmas = {{{"fx", 1},
                                                                     {"rotation", 3},
                                                                     {"translation", 3}}};
 
-constexpr double kLargestRms = 10'000;  // [px]
+constexpr double kLargestRms = 10'000;    // [px]
+constexpr double kLargestTimeOffset = 2;  // [s]; the estimator keeps less of the past than that
 
 struct LensName {
   const char* name;
@@ -73,10 +75,11 @@ class CameraReader {
     std::copy(distortion.begin(), distortion.end(), p.distortion.begin());
     SL_ASSIGN(const Rigid3 world_from_camera, read_pose());
     SL_ASSIGN(const double rms_px, read_rms());
+    SL_ASSIGN(const double time_offset_s, read_time_offset());
     SL_RETURN_IF_ERROR(check_date());
     SL_RETURN_IF_ERROR(check_sigmas(distortion.size()));
     SL_ASSIGN(CameraModel model, CameraModel::create(p, place(file_, table_.get("fx")->source())));
-    return CalibratedCamera{name, std::move(model), world_from_camera, rms_px};
+    return CalibratedCamera{name, std::move(model), world_from_camera, rms_px, time_offset_s};
   }
 
  private:
@@ -250,6 +253,17 @@ class CameraReader {
     SL_ASSIGN(const double value, number(*node, "rms_px"));
     if (value < 0 || value > kLargestRms) {
       return fault(node->source(), "'rms_px' is {}, it must be 0 to {}", value, kLargestRms);
+    }
+    return value;
+  }
+
+  Result<double> read_time_offset() const {
+    const toml::node* node = table_.get("time_offset_s");
+    if (node == nullptr) return 0.0;
+    SL_ASSIGN(const double value, number(*node, "time_offset_s"));
+    if (!(std::abs(value) <= kLargestTimeOffset)) {
+      return fault(node->source(), "'time_offset_s' is {}, it must be -{} to {}", value,
+                   kLargestTimeOffset, kLargestTimeOffset);
     }
     return value;
   }

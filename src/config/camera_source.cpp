@@ -193,4 +193,25 @@ void read_camera_source(TomlTable& table, const std::filesystem::path& file,
   }
 }
 
+void read_own_size(TomlTable& table, bool calibrated, CameraConfig& camera) {
+  constexpr int kLargest = 32768;
+  const auto width = table.integer("width", 1, kLargest, "a whole number of pixels");
+  const auto height = table.integer("height", 1, kLargest, "a whole number of pixels");
+  if (width.has_value() != height.has_value()) {
+    table.problem(width ? "width" : "height", "width and height go together");
+  }
+  const bool own = width && height;
+  const CameraModel& lens = camera.calibration.model;
+  const int w = own ? static_cast<int>(*width) : calibrated ? lens.width() : 0;
+  const int h = own ? static_cast<int>(*height) : calibrated ? lens.height() : 0;
+  const auto set = [&](auto& options) {
+    options.width = w;
+    options.height = h;
+  };
+  set(camera.network);
+  set(camera.aravis);
+  set(camera.v4l2);
+  set(camera.libcamera);
+}
+
 }  // namespace sightline::config

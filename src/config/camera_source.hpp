@@ -13,4 +13,8 @@ namespace sightline::config {
 void read_camera_source(TomlTable& table, const std::filesystem::path& file,
                         const InstallationFiles& files, CameraConfig& camera);
 
+/// Of a camera that is to be calibrated: the size that its source is asked for, `width` and
+/// `height` of the table if they are there.
+void read_own_size(TomlTable& table, bool calibrated, CameraConfig& camera);
+
 }  // namespace sightline::config

@@ -97,12 +97,17 @@ class InstallationReader {
 };
 
 void InstallationReader::read_calibration_file() {
-  if (!root_.require("calibration", "the file of the calibration, as in \"calibration.toml\"")) {
+  if (files_.uncalibrated) {
+    calibrated_.emplace();
+    if (!root_.has("calibration")) return;
+  } else if (!root_.require("calibration",
+                            "the file of the calibration, as in \"calibration.toml\"")) {
     return;
   }
   const auto file = root_.text("calibration");
   if (!file) return;
   result_.calibration = config::resolve(path_, file->text);
+  if (files_.uncalibrated && !files_.is_file(result_.calibration)) return;
   auto cameras = files_.calibration(result_.calibration);
   if (cameras) {
     calibrated_ = *std::move(cameras);
@@ -141,6 +146,7 @@ std::optional<CalibratedCamera> InstallationReader::calibration_of(TomlTable& ta
     if (camera.name == name) return camera;
     names.push_back(camera.name);
   }
+  if (files_.uncalibrated) return std::nullopt;
   table.problem("name",
                 fmt::format("camera \"{}\" has no calibration in {}{}", name,
                             result_.calibration.string(), config::suggestion(name, names)),
@@ -193,8 +199,12 @@ void InstallationReader::read_camera(TomlTable table) {
   reader.number("scene_depth_scale", camera.scene_depth_scale, 1e-9, 1000, "meters per unit");
   check_scene_depth(table, camera, calibrated);
   config::read_camera_source(table, path_, files_, camera);
-  check_size(table, camera, calibrated);
-  if (calibrated) check_recorded(table, camera);
+  if (files_.uncalibrated) {
+    config::read_own_size(table, calibrated, camera);
+  } else {
+    check_size(table, camera, calibrated);
+  }
+  if (calibrated || files_.uncalibrated) check_recorded(table, camera);
   table.finish();
   result_.cameras.push_back(std::move(camera));
 }
@@ -255,6 +265,7 @@ void InstallationReader::check_recorded(TomlTable& table, const CameraConfig& ca
       names.push_back(entry.name);
       continue;
     }
+    if (files_.uncalibrated) return;
     const CameraModel& lens = camera.calibration.model;
     if (entry.width != lens.width() || entry.height != lens.height()) {
       table.problem("source",
@@ -351,6 +362,7 @@ void InstallationReader::read_scene() {
 }
 
 void InstallationReader::read_virtual_cameras() {
+  if (files_.uncalibrated) return root_.allow("virtual_camera");
   for (TomlTable& table : root_.tables("virtual_camera")) read_virtual_camera(table);
 }
 

@@ -105,6 +105,13 @@ Result<uint64_t> tls_of(const TlsFiles& tls) {
   return content_of(certificate) * 31 + content_of(key);
 }
 
+Result<Installation> read_with(const fs::path& path, const InstallationFiles& files) {
+  SL_ASSIGN(const std::string text, read_file(path, kLargestText));
+  SL_ASSIGN(Installation installation, parse_installation(text, path, files));
+  installation.content = fmt::format("{:016x}", content_hash(text));
+  return installation;
+}
+
 }  // namespace
 
 InstallationFiles InstallationFiles::on_disk() {
@@ -122,11 +129,13 @@ InstallationFiles InstallationFiles::on_disk() {
 }
 
 Result<Installation> read_installation(const fs::path& path) {
-  SL_ASSIGN(const std::string text, read_file(path, kLargestText));
-  SL_ASSIGN(Installation installation,
-            parse_installation(text, path, InstallationFiles::on_disk()));
-  installation.content = fmt::format("{:016x}", content_hash(text));
-  return installation;
+  return read_with(path, InstallationFiles::on_disk());
+}
+
+Result<Installation> read_uncalibrated_installation(const fs::path& path) {
+  InstallationFiles files = InstallationFiles::on_disk();
+  files.uncalibrated = true;
+  return read_with(path, files);
 }
 
 Result<Installation> recording_installation(const fs::path& folder) {

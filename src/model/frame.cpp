@@ -57,6 +57,16 @@ FramePtr Frame::raw(const FrameInfo& info, FramePayload payload, std::shared_ptr
                                            std::move(payload), std::move(pool), nullptr);
 }
 
+FramePtr Frame::later(const FramePtr& frame, Duration time_offset) {
+  if (time_offset == Duration(0)) return frame;
+  FrameInfo info = frame->info_;
+  info.capture += time_offset;
+  info.time_offset += time_offset;
+  return std::allocate_shared<const Frame>(RecyclingAllocator<Frame>(), Key(), info,
+                                           frame->payload_, frame->pool_,
+                                           frame->decoded_ ? frame->image_ : nullptr);
+}
+
 I420View Frame::i420() const {
   std::call_once(image_once_, [this] {
     if (decoded_ || info_.format == PixelFormat::kI420) return;

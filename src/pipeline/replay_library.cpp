@@ -98,4 +98,16 @@ Result<PixelFormat> ReplayLibrary::payload_format(const CameraConfig& camera) {
   return first ? first->format : PixelFormat::kI420;
 }
 
+std::vector<Duration> time_offsets(const Recording& recording, const Installation& installation) {
+  std::vector<Duration> offsets(recording.cameras.size());
+  for (size_t i = 0; i < offsets.size(); ++i) {
+    for (const CameraConfig& camera : installation.cameras) {
+      const std::string& name = camera.recorded_as.empty() ? camera.name : camera.recorded_as;
+      if (name != recording.cameras[i].name) continue;
+      offsets[i] = from_seconds(camera.calibration.time_offset_s);
+    }
+  }
+  return offsets;
+}
+
 }  // namespace sightline

@@ -30,6 +30,23 @@ SourceFactory::Opener counted_opener(const Options& chosen, const std::string& n
   };
 }
 
+// Frames of a camera whose stamps are early by so much.
+class LaterSource final : public FrameSource {
+ public:
+  LaterSource(std::unique_ptr<FrameSource> source, Duration offset)
+      : source_(std::move(source)), offset_(offset) {}
+  const SourceInfo& info() const override { return source_->info(); }
+  Result<SourceStep> next(std::stop_token stop, Duration timeout) override {
+    SL_ASSIGN(SourceStep step, source_->next(std::move(stop), timeout));
+    if (step.frame) step.frame = Frame::later(step.frame, offset_);
+    return step;
+  }
+
+ private:
+  std::unique_ptr<FrameSource> source_;
+  const Duration offset_;
+};
+
 bool is_mjpeg(const std::string& format) { return format == "MJPEG" || format == "MJPG"; }
 
 // How well a camera's clock is known.
@@ -53,6 +70,18 @@ ClockGauges clock_gauges(Registry& registry, const std::string& camera) {
 }  // namespace
 
 SourceFactory::Opener SourceFactory::opener(const CameraConfig& camera, CameraId id, bool payload) {
+  Opener open = bare_opener(camera, id, payload);
+  const Duration offset = from_seconds(camera.calibration.time_offset_s);
+  if (offset == Duration(0)) return open;
+  return [open = std::move(open),
+          offset](const std::stop_token& stop) -> Result<std::unique_ptr<FrameSource>> {
+    SL_ASSIGN(auto source, open(stop));
+    return std::unique_ptr<FrameSource>(std::make_unique<LaterSource>(std::move(source), offset));
+  };
+}
+
+SourceFactory::Opener SourceFactory::bare_opener(const CameraConfig& camera, CameraId id,
+                                                 bool payload) {
   switch (camera.source) {
     case SourceKind::kNetwork:
       return network_opener(camera, id);

@@ -141,25 +141,29 @@ class FolderWriter final : public RecordingWriter {
     if (status_) status_ = status;
   }
 
+  /// As the camera said it: the calibration beside the frames has the offset.
+  static Time stamp_of(const FrameInfo& info) { return info.capture - info.time_offset; }
+
   Status try_append(const Frame& frame) {
     const FrameInfo& info = frame.info();
+    const Time stamp = stamp_of(info);
     if (closed_ || info.camera.index() >= cameras_.size()) {
       return make_error(ErrorCode::kInvalidInput, folder_.string(),
                         "a frame of camera {} came, but the recording {}", info.camera.index(),
                         closed_ ? "is closed" : "has no such camera");
     }
     CameraState& camera = cameras_[info.camera.index()];
-    if (!start_) start_ = last_sync_ = info.capture;
+    if (!start_) start_ = last_sync_ = stamp;
     follow_epoch(camera, info);
     const uint64_t sequence = info.sequence + camera.sequence_offset;
     // The reader refuses numbers and times that do not grow.
     const bool in_order =
-        !camera.any || (sequence > camera.last_sequence && info.capture > camera.last_capture);
+        !camera.any || (sequence > camera.last_sequence && stamp > camera.last_capture);
     if (!in_order) {
       camera.file->wait_for_keyframe_if_coded();
       return leave_out(camera);
     }
-    SL_ASSIGN(const bool taken, camera.file->append(frame, info.capture - *start_));
+    SL_ASSIGN(const bool taken, camera.file->append(frame, stamp - *start_));
     if (!taken) return leave_out(camera);
     return finish_row(camera, info, sequence);
   }
@@ -179,21 +183,22 @@ class FolderWriter final : public RecordingWriter {
   }
 
   Status finish_row(CameraState& camera, const FrameInfo& info, uint64_t sequence) {
+    const Time stamp = stamp_of(info);
     const uint64_t dropped = info.dropped_before + (camera.any ? camera.left_out : 0);
     SL_RETURN_IF_ERROR(
         rows_.write(fmt::format("{},{},{},{},{}\n", camera.file->camera().name, sequence,
-                                to_ns(info.capture), to_ns(info.arrival), dropped)));
-    const bool flush_now = !camera.any || info.capture - camera.last_flush >= kFlushEvery;
+                                to_ns(stamp), to_ns(info.arrival), dropped)));
+    const bool flush_now = !camera.any || stamp - camera.last_flush >= kFlushEvery;
     camera.any = true;
     camera.left_out = 0;
     camera.last_sequence = sequence;
-    camera.last_capture = info.capture;
+    camera.last_capture = stamp;
     ++written_;
     if (flush_now) {
-      camera.last_flush = info.capture;
+      camera.last_flush = stamp;
       SL_RETURN_IF_ERROR(camera.file->flush());
     }
-    return sync_if_due(info.capture);
+    return sync_if_due(stamp);
   }
 
   Status sync_if_due(Time now) {

@@ -70,6 +70,16 @@ TEST(CalibrationFile, ReadsEveryKey) {
   EXPECT_EQ(find_camera(*cameras, "right"), nullptr);
 }
 
+TEST(CalibrationFile, ATimeOffsetIsKept) {
+  EXPECT_EQ(parse_calibration(kGood, "c.toml")->front().time_offset_s, 0);
+  const auto late = with("rms_px = 0.31\n", "rms_px = 0.31\ntime_offset_s = -0.0972\n");
+  ASSERT_THAT(late, IsOk());
+  EXPECT_EQ(late->front().time_offset_s, -0.0972);
+  EXPECT_EQ(parse_calibration(format_calibration(*late), "c.toml")->front().time_offset_s, -0.0972);
+  EXPECT_THAT(with("rms_px = 0.31\n", "time_offset_s = 3.5\n"), FailsWith("must be -2 to 2"));
+  EXPECT_THAT(with("rms_px = 0.31\n", "time_offset_s = nan\n"), FailsWith("time_offset_s"));
+}
+
 TEST(CalibrationFile, WritesWhatItReads) {
   std::vector<CalibratedCamera> cameras;
   for (const auto& [name, p] : test::lenses()) {

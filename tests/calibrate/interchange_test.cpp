@@ -65,13 +65,13 @@ TEST(Interchange, RoundTrips) {
   const std::vector<CalibratedCamera> fisheye = {
       camera("left", LensModel::kFisheye, {0.02, -0.01, 0.003, -0.0004}, kLeft),
       camera("right", LensModel::kFisheye, {0.02, -0.01, 0.003, -0.0004}, kRight)};
-  for (const InterchangeFormat format : {kOpencv, kRos, kColmap, kMrcal}) {
+  for (const InterchangeFormat format : {kOpencv, kRos, kColmap, kMrcal, kAnipose, kCaliscope}) {
     SCOPED_TRACE(static_cast<int>(format));
     expect_round_trip(format, four);
     expect_round_trip(format, five);
     expect_round_trip(format, eight);
   }
-  for (const InterchangeFormat format : {kOpencv, kRos, kColmap, kKalibr}) {
+  for (const InterchangeFormat format : {kOpencv, kRos, kColmap, kKalibr, kAnipose, kCaliscope}) {
     SCOPED_TRACE(static_cast<int>(format));
     expect_round_trip(format, fisheye);
   }
@@ -168,6 +168,71 @@ TEST(Interchange, RefusesByName) {
   EXPECT_THAT(import_cameras({files->front(), files->front()}, kMrcal),
               FailsWith("two cameras are called 'left'"));
   EXPECT_THAT(parse_interchange_format("vicon"), FailsWith("opencv, kalibr, ros, colmap, mrcal"));
+}
+
+// Laid out as these programs write it, numbers made up.
+TEST(Interchange, ReadsWhatAniposeAndCaliscopeWrite) {
+  const std::string rest =
+      "size = [ 1280, 720,]\nmatrix = [ [ 822.5, 0.0, 639.5,], [ 0.0, 823.5, 359.5,], [ 0.0, 0.0, "
+      "1.0,],]\n";
+  const std::string anipose =
+      "[cam_0]\nname = \"A\"\n" + rest +
+      "distortions = [ -0.06, 0.0, 0.0, 0.0,]\nrotation = [ 0.0, 1.5707963267948966, 0.0,]\n"
+      "translation = [ -94.5, 8.5, 97.0,]\nfisheye = true\n\n[cam_1]\nname = \"B\"\n" +
+      rest +
+      "distortions = [ 0.1, -0.2, 0.001, 0.002, 0.05,]\nrotation = [ 0.0, 0.0, 0.0,]\n"
+      "translation = [ 1.0, 2.0, 3.0,]\n\n[metadata]\nadjusted = false\nerror = 0.26\n";
+  const auto cameras = import_cameras({{"calibration.toml", anipose}}, InterchangeFormat::kAnipose);
+  ASSERT_THAT(cameras, IsOk());
+  ASSERT_EQ(cameras->size(), 2u);
+  EXPECT_EQ((*cameras)[0].name, "A");
+  EXPECT_EQ((*cameras)[0].model.parameters().lens, LensModel::kFisheye);
+  EXPECT_EQ((*cameras)[1].model.parameters().lens, LensModel::kBrownConrady);
+  // camera_from_world turns by 90 degrees about y: (x, y, z) to (z, y, -x).
+  EXPECT_THAT((*cameras)[0].world_from_camera.translation,
+              test::MatrixNear(Eigen::Vector3d(97.0, -8.5, 94.5), 1e-9));
+  EXPECT_THAT((*cameras)[1].world_from_camera.translation,
+              test::MatrixNear(Eigen::Vector3d(-1, -2, -3), 1e-12));
+
+  std::string caliscope;
+  for (const char* id : {"10", "2", "7"}) {
+    caliscope += std::string("[cameras.") + id + "]\ncam_id = " + id + "\nrotation_count = 0\n" +
+                 "error = 0.45\nexposure = \"null\"\ngrid_count = 20\nignore = " +
+                 (id[0] == '7' ? "true" : "false") + "\n" + rest +
+                 "distortions = [0.2, -0.3, -0.004, -0.005, 0.16]\ntranslation = [0.1, 0.2, 0.9]\n"
+                 "rotation = [1.6, -0.3, 0.3]\n";
+  }
+  const auto array =
+      import_cameras({{"camera_array.toml", caliscope}}, InterchangeFormat::kCaliscope);
+  ASSERT_THAT(array, IsOk());
+  ASSERT_EQ(array->size(), 2u);
+  EXPECT_EQ((*array)[0].name, "cam_2");
+  EXPECT_EQ((*array)[1].name, "cam_10");
+  EXPECT_EQ((*array)[0].rms_px, 0.45);
+}
+
+TEST(Interchange, RefusesBrokenTomlByPlace) {
+  const auto import = [](const std::string& text) {
+    return import_cameras({{"a.toml", text}}, InterchangeFormat::kAnipose);
+  };
+  EXPECT_THAT(import("[cam_0\n"), FailsWith("a.toml:1"));
+  EXPECT_THAT(import("[metadata]\nerror = 1.0\n"), FailsWith("holds no camera"));
+  EXPECT_THAT(import("[cam_0]\nname = \"A\"\nsize = [4]\n"), FailsWith("'size' has 1 numbers"));
+  EXPECT_THAT(import("[cam_0]\nsize = [4, 3]\nmatrix = [[1.0, 0.5, 2.0], [0.0, 1.0, 1.0], [0.0, "
+                     "0.0, 1.0]]\ndistortions = []\n"),
+              FailsWith("'matrix' is no"));
+  EXPECT_THAT(import("[cam_0]\nsize = [4, nan]\n"), FailsWith("no finite number"));
+  const std::string rest =
+      "size = [4, 3]\nmatrix = [[4.0, 0.0, 2.0], [0.0, 4.0, 1.0], [0.0, 0.0, 1.0]]\n"
+      "distortions = [0.0]\nrotation = [0.0, 0.0, 0.0]\n";
+  EXPECT_THAT(import("[cam_0]\n" + rest + "translation = [1e300, 1e300, 0.0]\n"),
+              FailsWith("is no place of a camera"));
+  const auto odd =
+      import("[cam_0]\nname = \"a\\\"\\n\\\\b\"\n" + rest + "translation = [0.0, 0.0, 0.0]\n");
+  ASSERT_THAT(odd, IsOk());
+  const auto back = import(export_cameras(*odd, InterchangeFormat::kAnipose)->front().text);
+  ASSERT_THAT(back, IsOk());
+  EXPECT_EQ(back->front().name, "a\"\n\\b");
 }
 
 }  // namespace

@@ -258,5 +258,67 @@ TEST(AssessRig, HeldOutErrorShowsAMovedCamera) {
   EXPECT_GT(*after.by_camera[2], 10 * *before.by_camera[2]);
 }
 
+// A ring whose neighbors alone share views drifts; tags in its middle hold it together.
+TEST(Solve, FixedTagsAreLongRangeLinks) {
+  double worst_mm[2] = {0, 0}, claimed_mm[2] = {0, 0};
+  for (const size_t pillar : {0, 6}) {
+    const test::SyntheticRig rig = test::make_rig({.cameras = 17,
+                                                   .sets = 17 * 10,
+                                                   .noise_px = 0.3,
+                                                   .pillar = pillar,
+                                                   .two_at_a_time = true,
+                                                   .seed = 4});
+    const auto solution = solve_rig(rig.views, {});
+    ASSERT_THAT(solution, IsOk());
+    const size_t k = pillar > 0;
+    for (size_t c = 1; c < 17; ++c) {
+      const SolvedCamera& solved = solution->cameras[c];
+      const Vector6 d = difference(solved.camera.world_from_camera, rig.truth[c].world_from_camera);
+      const Vector6 sigma = solved.place_covariance().diagonal().cwiseSqrt();
+      for (int i = 0; i < 6; ++i) EXPECT_LT(std::abs(d[i]), 4 * sigma[i]) << pillar << " " << c;
+      worst_mm[k] = std::max(worst_mm[k], 1e3 * d.tail<3>().norm());
+      claimed_mm[k] = std::max(claimed_mm[k], 1e3 * sigma.tail<3>().maxCoeff());
+    }
+    // What is judged with it: halves and lengths do not mix the targets.
+    const auto report = assess_rig(rig.views, {}, *solution);
+    ASSERT_THAT(report, IsOk());
+    ASSERT_TRUE(report->held_out_px);
+    EXPECT_LT(*report->held_out_px, 0.8);
+    ASSERT_TRUE(report->rigidity);
+    EXPECT_NEAR(report->rigidity->scale, 1, 2e-3);
+    const auto back = parse_views(format_views(rig.views), "corners.csv");
+    ASSERT_THAT(back, IsOk());
+    EXPECT_EQ(back->target, rig.views.target);
+  }
+  EXPECT_LT(claimed_mm[1], 0.97 * claimed_mm[0]);
+  EXPECT_LT(worst_mm[1], worst_mm[0]);
+  RecordProperty("worst_um_without", static_cast<int>(1e3 * worst_mm[0]));
+  RecordProperty("worst_um_with", static_cast<int>(1e3 * worst_mm[1]));
+}
+
+TEST(Solve, CornersOfSeveralTargetsHaveTheirOwnFrames) {
+  CalibrationTarget target = test::test_target();
+  const int own = target.corner_count();
+  CalibrationTarget tags;
+  tags.kind = TargetKind::kTagGrid;
+  tags.columns = 2;
+  tags.rows = 1;
+  tags.marker = 0.1;
+  tags.gap = 0.02;
+  tags.dictionary = "tag36h11";
+  tags.fixed = true;
+  target.others = {tags, tags};
+  EXPECT_EQ(target.corner_count(), own + 16);
+  EXPECT_EQ(target.corner(own - 1), test::test_target().corner(own - 1));
+  EXPECT_EQ(target.corner(own + 3), tags.corner(3));
+  EXPECT_EQ(target.corner(own + 8 + 5), tags.corner(5));
+  EXPECT_FALSE(target.part(own - 1).fixed);
+  EXPECT_TRUE(target.part(own).fixed);
+  EXPECT_EQ(target.describe(),
+            "chessboard of 10x7 squares of 40 mm; fixed grid of 2x1 tags of 100 "
+            "mm, tag36h11 from id 0; fixed grid of 2x1 tags of 100 mm, tag36h11 "
+            "from id 0");
+}
+
 }  // namespace
 }  // namespace sightline

@@ -40,6 +40,59 @@ Rigid3 look(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
   return {Eigen::Quaterniond(r), from};
 }
 
+/// A face of the pillar, a quarter of the ring's radius high.
+CalibrationTarget face_target(size_t face, double radius) {
+  CalibrationTarget target;
+  target.name = "face" + std::to_string(face);
+  target.kind = TargetKind::kTagGrid;
+  target.columns = target.rows = 2;
+  target.marker = 0.1 * radius;
+  target.gap = 0.02 * radius;
+  target.dictionary = "tag36h11";
+  target.first_id = static_cast<int>(4 * face);
+  target.fixed = true;
+  return target;
+}
+
+/// world_from_target of a face whose front looks into this direction.
+Rigid3 face_pose(const CalibrationTarget& target, double turn, double radius) {
+  const Eigen::Vector3d out(std::cos(turn), std::sin(turn), 0);
+  Eigen::Matrix3d r;
+  r << (-Eigen::Vector3d::UnitZ()).cross(-out), -Eigen::Vector3d::UnitZ(), -out;
+  const Eigen::Vector3d middle = 0.15 * radius * out + 0.3 * Eigen::Vector3d::UnitZ();
+  const Eigen::Vector2d half = target.size() / 2;
+  return {Eigen::Quaterniond(r), middle - r * Eigen::Vector3d(half.x(), half.y(), 0)};
+}
+
+void add_pillar(const SyntheticRigOptions& options, double radius, Random& random,
+                SyntheticRig& rig) {
+  for (size_t face = 0; face < options.pillar; ++face) {
+    const CalibrationTarget target = face_target(face, radius);
+    const double turn =
+        2 * std::numbers::pi * static_cast<double>(face) / static_cast<double>(options.pillar);
+    const Rigid3 pose = face_pose(target, turn, radius);
+    const int offset = rig.views.target.corner_count();
+    rig.views.target.others.push_back(target);
+    for (size_t c = 0; c < rig.truth.size(); ++c) {
+      const Rigid3 camera_from_target = rig.truth[c].world_from_camera.inverse() * pose;
+      const Eigen::Vector3d normal = camera_from_target.rotation * Eigen::Vector3d::UnitZ();
+      if (normal.dot(camera_from_target.translation.normalized()) < 0.5) continue;
+      TargetView view{c, rig.views.sets, 0, {}, target.name};
+      for (int id = 0; id < target.corner_count(); ++id) {
+        const Eigen::Vector2d p = target.corner(id);
+        const auto pixel =
+            rig.truth[c].model.project(camera_from_target * Eigen::Vector3d(p.x(), p.y(), 0));
+        if (!pixel) continue;
+        const Eigen::Vector2d noisy = *pixel + options.noise_px * random.normal<2>();
+        if (!rig.truth[c].model.contains(noisy)) continue;
+        view.corners.push_back({offset + id, noisy, Eigen::Vector2d::Zero()});
+      }
+      if (view.corners.size() >= 12) rig.views.views.push_back(std::move(view));
+    }
+    ++rig.views.sets;
+  }
+}
+
 }  // namespace
 
 CalibrationTarget test_target() {
@@ -89,6 +142,8 @@ SyntheticRig make_rig(const SyntheticRigOptions& options) {
     const Rigid3 world_from_target = eye * eye_from_target;
     const Eigen::Vector3d velocity = options.speed * random.normal<3>().normalized();
     for (size_t c = 0; c < options.cameras; ++c) {
+      const bool shown = c == set % options.cameras || c == (set + 1) % options.cameras;
+      if (options.two_at_a_time && !shown) continue;
       const CalibratedCamera& camera = rig.truth[c];
       const double late = c == 0 ? 0 : options.offset_s;
       const Rigid3 camera_from_world = camera.world_from_camera.inverse();
@@ -117,6 +172,7 @@ SyntheticRig make_rig(const SyntheticRigOptions& options) {
       if (view.corners.size() >= 12) rig.views.views.push_back(std::move(view));
     }
   }
+  add_pillar(options, radius, random, rig);
   const Rigid3 first_from_world = rig.truth[0].world_from_camera.inverse();
   for (CalibratedCamera& c : rig.truth)
     c.world_from_camera = first_from_world * c.world_from_camera;

@@ -196,5 +196,40 @@ TEST(TargetPdf, IsAPageOfRightSize) {
   EXPECT_THAT(find_paper("A9", true), FailsWith("A4, A3, letter"));
 }
 
+/// The same frame through a mean over a square of 2 * reach + 1 pixels.
+FramePtr blurred(const Frame& frame, int reach) {
+  auto image = std::make_shared<Image>(frame.info().width, frame.info().height);
+  const PlaneView from = frame.gray();
+  const MutablePlaneView to = image->mutable_view().y;
+  for (int y = 0; y < to.height; ++y) {
+    for (int x = 0; x < to.width; ++x) {
+      int sum = 0, count = 0;
+      for (int v = std::max(0, y - reach); v <= std::min(to.height - 1, y + reach); ++v) {
+        for (int u = std::max(0, x - reach); u <= std::min(to.width - 1, x + reach); ++u) {
+          sum += from.row(v)[u];
+          ++count;
+        }
+      }
+      to.row(y)[x] = static_cast<uint8_t>(sum / count);
+    }
+  }
+  return Frame::decoded(frame.info(), std::move(image));
+}
+
+TEST(TargetDetector, EdgesAreAsWideAsTheBlur) {
+  for (const CalibrationTarget& target : {charuco(), tag_grid(), chessboard()}) {
+    auto detector = TargetDetector::create(target, {.gamma = 1});
+    ASSERT_THAT(detector, IsOk());
+    const FramePtr sharp = photograph(target);
+    const auto corners = (*detector)->detect(*sharp);
+    const double width = target_edge_width(sharp->gray(), corners);
+    EXPECT_GT(width, 1.5) << target.describe();
+    EXPECT_LT(width, 3) << target.describe();
+    const double wide = target_edge_width(blurred(*sharp, 4)->gray(), corners);
+    EXPECT_GT(wide, 5) << target.describe();
+    EXPECT_EQ(target_edge_width(sharp->gray(), {}), 0);
+  }
+}
+
 }  // namespace
 }  // namespace sightline

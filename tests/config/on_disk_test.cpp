@@ -43,6 +43,37 @@ class OnDisk : public testing::Test {
   fs::path folder_;
 };
 
+// Whoever calibrates has no calibration yet.
+TEST_F(OnDisk, AnInstallationThatIsToBeCalibrated) {
+  const std::string text =
+      "calibration = \"none_yet.toml\"\n"
+      "[[camera]]\nname = \"top\"\nsource = \"v4l2:/dev/video0\"\n"
+      "[[camera]]\nname = \"low\"\nsource = \"v4l2:/dev/video2\"\nwidth = 1920\nheight = 1080\n"
+      "[[camera]]\nname = \"played\"\nsource = \"replay:" +
+      kBench.string() + "\"\nrecorded_as = \"side\"\n";
+  ASSERT_TRUE(write_file_atomically(folder_ / "rig.toml", text));
+  EXPECT_FALSE(read_installation(folder_ / "rig.toml"));
+  const auto rig = read_uncalibrated_installation(folder_ / "rig.toml");
+  ASSERT_TRUE(rig.has_value()) << rig.error().message();
+  ASSERT_EQ(rig->cameras.size(), 3u);
+  EXPECT_EQ(rig->cameras[0].v4l2.width, 0);  // as the camera is set
+  EXPECT_EQ(rig->cameras[1].v4l2.width, 1920);
+  EXPECT_EQ(rig->cameras[1].v4l2.height, 1080);
+  EXPECT_EQ(rig->cameras[2].recorded_as, "side");
+  // An earlier calibration says the size, unless the table does.
+  fs::copy_file(kBench / "calibration.toml", folder_ / "none_yet.toml");
+  rewrite("rig.toml", "\"top\"", "\"left\"");
+  const auto again = read_uncalibrated_installation(folder_ / "rig.toml");
+  ASSERT_TRUE(again.has_value()) << again.error().message();
+  EXPECT_EQ(again->cameras[0].v4l2.width, again->cameras[0].calibration.model.width());
+  EXPECT_EQ(again->cameras[1].v4l2.width, 1920);
+  // Everything else is still refused.
+  rewrite("rig.toml", "width = 1920\n", "");
+  EXPECT_FALSE(read_uncalibrated_installation(folder_ / "rig.toml"));
+  rewrite("rig.toml", "height = 1080\n", "tint = 1\n");
+  EXPECT_FALSE(read_uncalibrated_installation(folder_ / "rig.toml"));
+}
+
 TEST_F(OnDisk, ARecordingIsAnInstallation) {
   const auto installation = recording_installation(kBench);
   ASSERT_TRUE(installation.has_value()) << installation.error().message();

@@ -36,5 +36,6 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   (void)import_cameras({{"static_transforms.yaml", text}}, InterchangeFormat::kRos);
   (void)import_cameras({{"cameras.txt", text}, {"images.txt", text}}, InterchangeFormat::kColmap);
   expect_again({{"left.cameramodel", text}}, InterchangeFormat::kMrcal);
+  expect_again({{"camera_array.toml", text}}, InterchangeFormat::kAnipose);
   return 0;
 }

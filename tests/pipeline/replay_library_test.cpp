@@ -6,6 +6,8 @@
 #include <array>
 #include <thread>
 
+#include "sightline/pipeline/source_factory.hpp"
+
 namespace sightline {
 namespace {
 
@@ -44,6 +46,33 @@ TEST(ReplayLibrary, CamerasOfOneRecordingAreInStepWhoeverOpensItFirst) {
     const Duration apart = start_of(info) - start_of(frames[0]);
     EXPECT_LT(std::abs(to_seconds(apart)), 1e-3);
   }
+}
+
+// A camera whose calibration says so comes with its capture times shifted, live and replayed.
+TEST(SourceFactory, TimeOffsetsAreInTheCaptureTimes) {
+  Installation installation =
+      recording_installation(SIGHTLINE_SOURCE_DIR "/recordings/bench").value();
+  installation.cameras[1].calibration.time_offset_s = -0.03;
+  Registry registry;
+  SourceFactory factory(registry);
+  std::array<FrameInfo, 2> infos;
+  for (uint32_t c = 0; c < 2; ++c) {
+    const auto open = factory.opener(installation.cameras[c], CameraId(c), false);
+    const auto source = open({}).value();
+    for (int i = 0; i < 50 && infos[c].width == 0; ++i) {
+      const SourceStep step = source->next({}, 200ms).value();
+      if (step.kind == SourceStep::Kind::kFrame) infos[c] = step.frame->info();
+    }
+  }
+  EXPECT_EQ(infos[0].time_offset, 0ms);
+  EXPECT_EQ(infos[1].time_offset, -30ms);
+  const auto start_of = [](const FrameInfo& info) {
+    return info.capture - info.sequence * Duration(33'333'333ns);
+  };
+  EXPECT_NEAR(to_seconds(start_of(infos[1]) - start_of(infos[0])), -0.03, 1e-3);
+
+  const auto recording = open_recording(SIGHTLINE_SOURCE_DIR "/recordings/bench").value();
+  EXPECT_EQ(time_offsets(recording, installation), (std::vector<Duration>{0ms, -30ms, 0ms}));
 }
 
 }  // namespace

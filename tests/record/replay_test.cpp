@@ -76,6 +76,22 @@ TEST(VirtualReplay, GivesSetsInOrderOfCaptureTime) {
   EXPECT_TRUE(std::is_sorted(order.begin(), order.end()));
 }
 
+TEST(VirtualReplay, TimeOffsetsChangeTheOrder) {
+  TempFolder temp;
+  write_small_recording(temp / "r", 5);
+  // The second camera comes 30 ms behind the first; 10 ms before it with this.
+  auto replay = *VirtualReplay::open(open(temp / "r"), {}, {Duration(0), -40ms});
+  const auto first = *replay->next();
+  ASSERT_TRUE(first);
+  ASSERT_EQ(first->size(), 1u);
+  const FrameInfo& info = first->front()->info();
+  EXPECT_EQ(info.camera, CameraId(1));
+  EXPECT_EQ(to_ns(info.capture), 990'000'000);
+  EXPECT_EQ(info.time_offset, -40ms);
+  EXPECT_EQ(info.arrival - info.capture, 45ms);
+  EXPECT_EQ(hash_of(first->front()->i420()), hash_of(pattern(0)->view()));
+}
+
 TEST(VirtualReplay, SaysWhenAVideoChangedUnderIt) {
   TempFolder temp;
   write_small_recording(temp / "r", 20);

@@ -257,6 +257,25 @@ TEST(RecordingWriter, NumbersGrowOverReopenedSourcesAndTimesNeverRunBackwards) {
   EXPECT_THAT(dropped, testing::ElementsAre(0, 0, 3, 0, 1));
 }
 
+TEST(RecordingWriter, StampsAreKeptAsTheCameraSaidThem) {
+  TempFolder temp;
+  auto writer = one_camera(temp / "r", PixelFormat::kGray);
+  std::vector<FramePtr> stamped;
+  for (int i = 0; i < 3; ++i) {
+    stamped.push_back(noise_frame(i, PixelFormat::kGray));
+    const FramePtr later = Frame::later(stamped.back(), std::chrono::milliseconds(17));
+    EXPECT_EQ(later->info().capture - stamped.back()->info().capture,
+              std::chrono::milliseconds(17));
+    ASSERT_TRUE(writer->append(*later));
+  }
+  ASSERT_TRUE(writer->close());
+  const auto back = replay_all(temp / "r");
+  ASSERT_EQ(back.size(), 3u);
+  for (size_t i = 0; i < back.size(); ++i) {
+    EXPECT_EQ(back[i]->info().capture, stamped[i]->info().capture);
+  }
+}
+
 TEST(RecordingWriter, RefusesToOverwrite) {
   TempFolder temp;
   write_small_recording(temp / "r", 2);

@@ -71,6 +71,14 @@ struct RigReport {
 Result<RigReport> assess_rig(const CalibrationViews& views, const SolveOptions& options,
                              const RigSolution& solution);
 
+/// A solution with its report.
+struct SolvedRig {
+  RigSolution solution;
+  RigReport report;
+};
+/// solve_rig(), then assess_rig().
+Result<SolvedRig> solve_and_assess(const CalibrationViews& views, const SolveOptions& options);
+
 /// Lengths on the target as these cameras see them (any calibration, not only a solution's own).
 std::optional<RigidityReport> rigidity(const CalibrationViews& views,
                                        const std::vector<CalibratedCamera>& cameras,

@@ -25,6 +25,7 @@ namespace sightline {
 ///     world_from_camera = [[..], [..], [..], [..]]  # 4x4 row-major, or 16 numbers [m]
 ///     rvec = [..], tvec = [..]           # or these: OpenCV's, that is camera_from_world [rad, m]
 ///     rms_px = 0.37                      # optional, of the calibration
+///     time_offset_s = 0.012              # optional: images are taken later than stamped
 ///     date = 2024-05-31                  # optional, TOML date, date-time or text; not kept
 ///     [camera.sigmas]                    # optional, checked but not kept: fx, fy, cx, cy,
 ///                                        # distortion, rotation [rad], translation [m]

@@ -25,7 +25,14 @@ namespace sightline {
 ///                              the top-left pixel is (0.5, 0.5) there and (0, 0) here
 ///     mrcal   NAME.cameramodel LENSMODEL_PINHOLE, _OPENCV4, _OPENCV5, _OPENCV8; extrinsics is rt
 ///                              of camera_from_reference; the reference is the world
-enum class InterchangeFormat { kOpencv, kKalibr, kRos, kColmap, kMrcal };
+///     anipose    camera_array_aniposelib.toml  [cam_N]: matrix, distortions, rotation (vector) and
+///                              translation (camera_from_world); Pose2Sim and aniposelib read it
+///     caliscope  camera_array.toml             the same in tables [cameras.N]; either is read as
+///                              the other; a camera without a name is called cam_N
+///
+/// Lengths are meters here; programs that calibrate in other units (anipose: often millimeters)
+/// are scaled by the caller.
+enum class InterchangeFormat { kOpencv, kKalibr, kRos, kColmap, kMrcal, kAnipose, kCaliscope };
 Result<InterchangeFormat> parse_interchange_format(const std::string& name);
 
 struct NamedText {

@@ -23,6 +23,7 @@ namespace sightline {
 ///     inverted = false          # optional; charuco printed white on black
 ///     layout = "any"            # optional; charuco: "dark_first", "marker_first" (before OpenCV
 ///                               # 4.6, even number of rows); "any" finds out
+///     fixed = false             # optional; it stands in the room for the whole recording
 ///     name = "board"            # optional
 ///
 /// An object file with a [board] is read too. Refused with file:line:column: unknown keys, what is

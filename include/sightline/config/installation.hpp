@@ -161,6 +161,10 @@ struct InstallationFiles {
   std::function<Result<uint64_t>(const std::filesystem::path&)> tokens;
   /// The same of certificate and key.
   std::function<Result<uint64_t>(const TlsFiles&)> tls;
+  /// For the calibration itself: cameras need none, and a file of it that is missing is no mistake.
+  /// Sources then have the size that `width` and `height` say, else that of an earlier calibration,
+  /// else the camera's own; virtual cameras are left out.
+  bool uncalibrated = false;
 
   static InstallationFiles on_disk();
 };
@@ -169,6 +173,9 @@ struct InstallationFiles {
 /// once: `where` is that of the first ("file:line:column"), `text` one line per mistake, the
 /// further ones with their own place in front. Nothing is opened but files.
 Result<Installation> read_installation(const std::filesystem::path& path);
+
+/// The same for cameras that are to be calibrated: see InstallationFiles::uncalibrated.
+Result<Installation> read_uncalibrated_installation(const std::filesystem::path& path);
 
 /// The same from memory; relative paths start at the folder of `path`.
 Result<Installation> parse_installation(std::string_view text, const std::filesystem::path& path,

@@ -75,6 +75,8 @@ struct CalibratedCamera {
   CameraModel model;
   Rigid3 world_from_camera;
   double rms_px = 0.5;  ///< of its calibration; floor for measurement noise
+  /// Its images are taken so much later than their stamps say [s].
+  double time_offset_s = 0;
 
   bool operator==(const CalibratedCamera&) const = default;
 };

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <string>
+#include <vector>
 
 namespace sightline {
 
@@ -19,6 +20,10 @@ enum class CharucoLayout : uint8_t { kAny, kDarkFirst, kMarkerFirst };
 ///     chessboard, ChArUco   inner corners, row by row from the top-left, from 0
 ///     tag grid              4 * tag + 0..3: top-left, top-right, bottom-right, bottom-left of the
 ///                           black border; tags row by row from the top-left, from 0
+///
+/// Targets that are shown beside it are its `others`: each has a frame of its own, and their ids go
+/// on where those of the one before end. What knows nothing of them sees one target with more
+/// corners, of which no view shows those of two.
 struct CalibrationTarget {
   std::string name = "target";
   TargetKind kind = TargetKind::kCharuco;
@@ -30,11 +35,16 @@ struct CalibrationTarget {
   int first_id = 0;           ///< tag grid: id of the tag at the top-left
   bool inverted = false;      ///< ChArUco: printed white on black
   CharucoLayout layout = CharucoLayout::kAny;
+  bool fixed = false;                       ///< it stands in the room and is not moved
+  std::vector<CalibrationTarget> others{};  ///< without others of their own
 
   bool operator==(const CalibrationTarget&) const = default;
 
+  int own_corner_count() const;  ///< without the others
   int corner_count() const;
-  /// Corner `id`, 0 <= id < corner_count() [m].
+  /// The target, itself or one of the others, that has this corner.
+  const CalibrationTarget& part(int id) const;
+  /// Corner `id`, 0 <= id < corner_count(), in the frame of the target that has it [m].
   Eigen::Vector2d corner(int id) const;
   /// Size of the pattern, margins aside [m].
   Eigen::Vector2d size() const;

@@ -29,6 +29,7 @@ struct FrameInfo {
   ClockLabel device_clock = ClockLabel::kNone;
   int64_t device_time_ns = 0;  ///< raw, as the device said
   Time capture{};              ///< middle of exposure where the source can tell
+  Duration time_offset{0};     ///< of the camera's calibration, in `capture` already
   Duration capture_error{0};   ///< bound on |capture - truth|; 0: exact or unknown to the file
   Time arrival{};              ///< when the host had it
   PixelFormat format = PixelFormat::kI420;  ///< of the payload
@@ -63,6 +64,9 @@ class Frame {
   /// of `pool`. The payload must hold width x height pixels of info.format: the source checks what
   /// the device gave (raw_image_bytes()) before it makes a frame.
   static FramePtr raw(const FrameInfo& info, FramePayload payload, std::shared_ptr<ImagePool> pool);
+
+  /// The same frame, taken so much later: before anybody else has it.
+  static FramePtr later(const FramePtr& frame, Duration time_offset);
 
   Frame(Key, const FrameInfo& info, FramePayload payload, std::shared_ptr<ImagePool> pool,
         std::shared_ptr<const Image> image);

@@ -6,6 +6,7 @@
 #include <memory>
 #include <mutex>
 #include <stop_token>
+#include <vector>
 
 #include "sightline/config/installation.hpp"
 #include "sightline/record/replay.hpp"
@@ -40,5 +41,9 @@ class ReplayLibrary {
   std::condition_variable_any settled_;
   std::map<std::filesystem::path, Entry> entries_;
 };
+
+/// For VirtualReplay: by camera of the recording, the offset that its calibration has in the
+/// installation (0: it is not in it).
+std::vector<Duration> time_offsets(const Recording& recording, const Installation& installation);
 
 }  // namespace sightline

@@ -20,7 +20,8 @@ class SourceFactory {
   using Opener = std::function<Result<std::unique_ptr<FrameSource>>(const std::stop_token& stop)>;
   /// What opens one camera's source, and opens it again: the epoch grows each time, and a device of
   /// another identity than the first is refused as a mismatch (kInvalidInput). For use by one
-  /// thread, within this factory's life. `payload`: frames carry their compressed bytes.
+  /// thread, within this factory's life. `payload`: frames carry their compressed bytes. Capture
+  /// times have the time offset of the camera's calibration in them.
   Opener opener(const CameraConfig& camera, CameraId id, bool payload);
 
   /// How the camera's frames are recorded. Cameras that need not be there yet are recorded as I420,
@@ -28,6 +29,7 @@ class SourceFactory {
   Result<PixelFormat> payload_format(const CameraConfig& camera);
 
  private:
+  Opener bare_opener(const CameraConfig& camera, CameraId id, bool payload);
   Opener network_opener(const CameraConfig& camera, CameraId id);
   Opener aravis_opener(const CameraConfig& camera, CameraId id);
 

@@ -18,6 +18,7 @@ struct TargetViewsOptions {
   /// the shortest frame period. Corners are carried to the set's time by their own motion.
   double set_span_s = 0;
   std::vector<std::string> cameras;  ///< take part; empty: all
+  bool by_any = false;               ///< enough if one camera sees the target at all
   std::function<void(size_t done, size_t total)> on_progress;
 };
 
@@ -28,6 +29,8 @@ struct CameraStills {
 };
 
 /// Looks for the target in every image of a recording, and puts images taken together into sets.
+/// Of several (CalibrationTarget::others) each has sets of its own; one that is fixed has a single
+/// one, in which a camera's view is the median over its images.
 /// Refused: what open_recording() refuses, unknown cameras, a target that is found nowhere (with
 /// what was found instead), a ChArUco print of the other layout than the target file says.
 Result<CalibrationViews> views_of_recording(const std::filesystem::path& recording,

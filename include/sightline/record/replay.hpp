@@ -18,8 +18,10 @@ namespace sightline {
 /// CameraId is the index in Recording::cameras; epoch is 0. One thread at a time.
 class VirtualReplay {
  public:
+  /// `time_offsets`: by camera, added to the capture times (none: 0); the order goes by the sums.
   static Result<std::unique_ptr<VirtualReplay>> open(std::shared_ptr<const Recording> recording,
-                                                     const VideoReaderOptions& options = {});
+                                                     const VideoReaderOptions& options = {},
+                                                     std::vector<Duration> time_offsets = {});
   virtual ~VirtualReplay() = default;
 
   /// All frames of the next capture time, ordered by camera index; nullopt at the end. Sets come in

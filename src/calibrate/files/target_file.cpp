@@ -17,7 +17,7 @@ namespace {
 using namespace calibrate;
 
 constexpr std::array kKeys = {"name", "type",       "columns",  "rows",     "square", "marker",
-                              "gap",  "dictionary", "first_id", "inverted", "layout"};
+                              "gap",  "dictionary", "first_id", "inverted", "layout", "fixed"};
 constexpr int kMaxSide = 100;
 constexpr double kMaxLength = 100;  // [m]
 
@@ -60,6 +60,11 @@ class TargetReader {
       const auto inverted = table_["inverted"].value_exact<bool>();
       if (!inverted) return fault("inverted", "must be true or false");
       t.inverted = *inverted;
+    }
+    if (table_.contains("fixed")) {
+      const auto fixed = table_["fixed"].value_exact<bool>();
+      if (!fixed) return fault("fixed", "must be true or false");
+      t.fixed = *fixed;
     }
     SL_ASSIGN(t.layout, layout());
     if (table_.contains("name")) {
@@ -160,6 +165,7 @@ std::string format_target(const CalibrationTarget& t) {
     text += fmt::format("inverted = {}\nlayout = \"{}\"\n", t.inverted,
                         kLayouts[static_cast<size_t>(t.layout)]);
   }
+  if (t.fixed) text += "fixed = true\n";
   return text;
 }
 

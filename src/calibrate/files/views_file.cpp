@@ -13,6 +13,7 @@ namespace {
 constexpr std::string_view kHeader = "set,camera,delay_s,corner,u,v,du,dv";
 constexpr std::string_view kCameraMark = "#camera ";
 constexpr std::string_view kTargetMark = "#target ";
+constexpr std::string_view kOtherMark = "#other ";  // of the targets beside it, each from its name
 constexpr size_t kMaxSets = 1'000'000;
 constexpr int kMaxSide = 32768;
 
@@ -50,6 +51,7 @@ class ViewsReader {
 
   Result<CalibrationViews> read() {
     std::string target;
+    std::vector<std::string> others;
     bool header = false;
     while (!text_.empty()) {
       const size_t end = text_.find('\n');
@@ -58,6 +60,10 @@ class ViewsReader {
       ++line_;
       if (line.starts_with(kTargetMark)) {
         target += std::string(line.substr(kTargetMark.size())) + "\n";
+      } else if (line.starts_with(kOtherMark)) {
+        const std::string_view rest = line.substr(kOtherMark.size());
+        if (rest.starts_with("name = ") || others.empty()) others.emplace_back();
+        others.back() += std::string(rest) + "\n";
       } else if (line.starts_with(kCameraMark)) {
         SL_RETURN_IF_ERROR(camera(line.substr(kCameraMark.size())));
       } else if (line == kHeader) {
@@ -68,6 +74,9 @@ class ViewsReader {
       }
     }
     SL_ASSIGN(views_.target, parse_target(target, where_ + " (target)"));
+    for (const std::string& other : others) {
+      SL_ASSIGN(views_.target.others.emplace_back(), parse_target(other, where_ + " (target)"));
+    }
     SL_RETURN_IF_ERROR(check_views(views_));
     return std::move(views_);
   }
@@ -124,16 +133,25 @@ class ViewsReader {
   std::map<std::pair<size_t, size_t>, size_t> index_;
 };
 
+/// Each line behind a mark.
+std::string marked(std::string_view mark, const std::string& lines) {
+  std::string text;
+  for (std::string_view rest = lines; !rest.empty();) {
+    const size_t end = rest.find('\n');
+    text += fmt::format("{}{}\n", mark, rest.substr(0, end));
+    rest = rest.substr(end + 1);
+  }
+  return text;
+}
+
 }  // namespace
 
 std::string format_views(const CalibrationViews& views) {
   std::string text = "# corners of a calibration target; pixels, seconds\n";
-  std::string_view target;
-  const std::string formatted = format_target(views.target);
-  for (target = formatted; !target.empty();) {
-    const size_t end = target.find('\n');
-    text += fmt::format("{}{}\n", kTargetMark, target.substr(0, end));
-    target = target.substr(end + 1);
+  text += marked(kTargetMark, format_target(views.target));
+  for (const CalibrationTarget& other : views.target.others) {
+    const std::string formatted = format_target(other);
+    text += marked(kOtherMark, formatted.substr(formatted.find('\n') + 1));
   }
   for (const ViewedCamera& c : views.cameras) {
     text += fmt::format("{}{} {} {} {}\n", kCameraMark, c.name, c.width, c.height, c.images);

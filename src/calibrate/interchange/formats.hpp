@@ -19,6 +19,9 @@ Result<Files> export_colmap(const Cameras& cameras);
 Result<Cameras> import_colmap(const Files& files);
 Result<Files> export_mrcal(const Cameras& cameras);
 Result<Cameras> import_mrcal(const Files& files);
+Result<Files> export_anipose(const Cameras& cameras);
+Result<Files> export_caliscope(const Cameras& cameras);
+Result<Cameras> import_anipose(const Files& files);  ///< of both
 Result<Files> export_opencv(const Cameras& cameras);
 Result<Cameras> import_opencv(const Files& files);
 

@@ -78,8 +78,11 @@ Result<InterchangeFormat> parse_interchange_format(const std::string& name) {
   if (name == "ros") return InterchangeFormat::kRos;
   if (name == "colmap") return InterchangeFormat::kColmap;
   if (name == "mrcal") return InterchangeFormat::kMrcal;
+  if (name == "anipose") return InterchangeFormat::kAnipose;
+  if (name == "caliscope") return InterchangeFormat::kCaliscope;
   return make_error(ErrorCode::kInvalidInput, "--format",
-                    "'{}' is not known: opencv, kalibr, ros, colmap, mrcal", name);
+                    "'{}' is not known: opencv, kalibr, ros, colmap, mrcal, anipose, caliscope",
+                    name);
 }
 
 Result<std::vector<NamedText>> export_cameras(const std::vector<CalibratedCamera>& cameras,
@@ -95,6 +98,10 @@ Result<std::vector<NamedText>> export_cameras(const std::vector<CalibratedCamera
       return export_colmap(cameras);
     case InterchangeFormat::kMrcal:
       return export_mrcal(cameras);
+    case InterchangeFormat::kAnipose:
+      return export_anipose(cameras);
+    case InterchangeFormat::kCaliscope:
+      return export_caliscope(cameras);
   }
   return make_error(ErrorCode::kInternal, "", "no such format");
 }
@@ -114,6 +121,9 @@ Result<std::vector<CalibratedCamera>> import_any(const std::vector<NamedText>& f
       return import_colmap(files);
     case InterchangeFormat::kMrcal:
       return import_mrcal(files);
+    case InterchangeFormat::kAnipose:
+    case InterchangeFormat::kCaliscope:
+      return import_anipose(files);
   }
   return make_error(ErrorCode::kInternal, "", "no such format");
 }

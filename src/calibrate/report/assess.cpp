@@ -216,4 +216,10 @@ Result<RigReport> assess_rig(const CalibrationViews& views, const SolveOptions& 
   return out;
 }
 
+Result<SolvedRig> solve_and_assess(const CalibrationViews& views, const SolveOptions& options) {
+  SL_ASSIGN(RigSolution solution, solve_rig(views, options));
+  SL_ASSIGN(RigReport report, assess_rig(views, options, solution));
+  return SolvedRig{std::move(solution), std::move(report)};
+}
+
 }  // namespace sightline

@@ -19,7 +19,8 @@ struct LengthSums {
 
 void add_set(const CalibrationTarget& target, const std::map<int, Eigen::Vector3d>& points,
              LengthSums& sums) {
-  const double near = 1.01 * (target.kind == TargetKind::kTagGrid ? target.marker : target.square);
+  const CalibrationTarget& part = target.part(points.begin()->first);
+  const double near = 1.01 * (part.kind == TargetKind::kTagGrid ? part.marker : part.square);
   for (auto a = points.begin(); a != points.end(); ++a) {
     for (auto b = std::next(a); b != points.end(); ++b) {
       const double printed = (target.corner(a->first) - target.corner(b->first)).norm();
@@ -60,6 +61,7 @@ std::optional<RigidityReport> rigidity(const CalibrationViews& views,
       const auto point = triangulate(rays);
       if (point) points[id] = point->point_in_world;
     }
+    if (points.empty()) continue;
     add_set(views.target, points, sums);
   }
   if (sums.count == 0) return std::nullopt;

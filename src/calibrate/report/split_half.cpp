@@ -50,8 +50,14 @@ CalibrationViews half_of(const CalibrationViews& views, const RigSolution& solut
     sets[set] = turn == odd;
     turn = !turn;
   }
+  // A target that stands in the room has one set for all time: both halves need it, and neither is
+  // tested with it.
   CalibrationViews half = views;
-  std::erase_if(half.views, [&](const TargetView& view) { return !sets[view.set]; });
+  std::erase_if(half.views, [&](const TargetView& view) {
+    const bool fixed = !view.corners.empty() && views.target.part(view.corners[0].id).fixed;
+    if (fixed) sets[view.set] = 0;
+    return !fixed && !sets[view.set];
+  });
   return half;
 }
 

@@ -184,6 +184,7 @@ size_t Bundle::corner_count() const {
 
 Eigen::Vector3d bent_corner(const CalibrationTarget& target, const Eigen::Vector2d& bend, int id) {
   const Eigen::Vector2d at = target.corner(id), size = target.size();
+  if (id >= target.own_corner_count()) return {at.x(), at.y(), 0};
   const double u = 2 * at.x() / size.x() - 1, v = 2 * at.y() / size.y() - 1;
   return {at.x(), at.y(), bend.x() * (1 - u * u) + bend.y() * (1 - v * v)};
 }
@@ -248,7 +249,9 @@ bool linearize(const CalibrationTarget& target, const BundleView& view, const Vi
       const Eigen::Matrix<double, 2, 3> by_target = by_point * rotation;
       out.target.middleRows<2>(row).leftCols<3>() = -by_target * skew(in_target);
       out.target.middleRows<2>(row).rightCols<3>() = by_target;
-      const double u = 2 * in_target.x() / size.x() - 1, v = 2 * in_target.y() / size.y() - 1;
+      const bool bent = corner.id < target.own_corner_count();
+      const double u = bent ? 2 * in_target.x() / size.x() - 1 : 1;
+      const double v = bent ? 2 * in_target.y() / size.y() - 1 : 1;
       out.bend.middleRows<2>(row).col(0) = by_target.col(2) * (1 - u * u);
       out.bend.middleRows<2>(row).col(1) = by_target.col(2) * (1 - v * v);
     }

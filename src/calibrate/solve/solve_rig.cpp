@@ -163,6 +163,7 @@ void fill_camera(const CalibrationViews& views, const Bundle& bundle,
   }
   out.camera.name = views.cameras[c].name;
   out.camera.world_from_camera = camera.world_from_camera;
+  out.camera.time_offset_s = camera.values[kTimeOffset];
   out.camera.rms_px = std::sqrt(sum / static_cast<double>(std::max<size_t>(1, out.corners)));
 }
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "sightline/base/result.hpp"
+#include "sightline/image/planes.hpp"
 #include "sightline/model/calibration_target.hpp"
 #include "sightline/model/frame.hpp"
 
@@ -40,6 +41,10 @@ class TargetDetector {
   /// Layout of a ChArUco print as the images so far say it (kAny: not known yet, or no difference).
   virtual CharucoLayout layout() const { return CharucoLayout::kAny; }
 };
+
+/// How wide the edges at the corners are, from dark to bright: their contrast over the steepest
+/// slope, median over the corners [px]. Two where it is sharp; 2.5 sigma of a blur. 0: unknown.
+double target_edge_width(const PlaneView& gray, const std::vector<DetectedCorner>& corners);
 
 /// Why a target is not found in an image, in words ("the image shows markers of 4X4_50, ids 0 to
 /// 16"; "mirrored"; "a chessboard of 10x7 squares"): looks for other dictionaries and families, for

@@ -5,10 +5,12 @@ camera turned is the same to the daemon as a camera that was turned the other wa
 import math
 import os
 import re
+import sys
 import tomllib
 import unittest
 
-from support import BENCH, DaemonCase, installation, read_text, sightline, wait_until
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
+from support import BENCH, DaemonCase, installation, read_text, sightline, wait_until  # noqa: E402
 
 TURN_DEG = 0.5
 

@@ -1,0 +1,315 @@
+// SPDX-License-Identifier: Apache-2.0
+// Records somebody who shows a board to two cameras as the guide of `sightline calibrate capture`
+// asks, and holds it still at each pose; with the true cameras as calibration.toml, and board.toml.
+//   make_board_recording OUT [--flat] [--poses N] [--cameras N] [--rate HZ] [--held S]
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "sightline/base/files.hpp"
+#include "sightline/calibrate/calibration_file.hpp"
+#include "sightline/calibrate/target_file.hpp"
+#include "sightline/observe/fiducial/target_print.hpp"
+#include "sightline/record/writer.hpp"
+#include "simulated_user.hpp"
+
+namespace {
+
+using namespace sightline;
+using namespace sightline::test;
+
+struct Choice {
+  std::string out;
+  bool flat = false, floor = false, wall = false;
+  size_t poses = 60, cameras = 2;
+  double rate = 12, held = 0.75;
+  int width = 640;
+};
+
+SyntheticRig make_small_rig(const Choice& choice) {
+  SyntheticRig rig = make_rig({.cameras = choice.cameras, .sets = 0, .seed = 11});
+  CalibrationTarget& target = rig.views.target;
+  target = CalibrationTarget();
+  target.name = "board";
+  target.kind = TargetKind::kCharuco;
+  target.columns = 8;
+  target.rows = 6;
+  target.square = 0.045;
+  target.marker = 0.034;
+  target.dictionary = "5X5_100";
+  target.layout = CharucoLayout::kDarkFirst;
+  const double scale = choice.width / 1280.0;
+  for (size_t c = 0; c < choice.cameras; ++c) {
+    CameraModel::Parameters p = rig.truth[c].model.parameters();
+    p.width = choice.width;
+    p.height = choice.width * 3 / 4;
+    p.fx *= scale;
+    p.fy *= scale;
+    p.cx = (p.cx + 0.5) * scale - 0.5;
+    p.cy = (p.height - 1) / 2.0 + 3;
+    rig.truth[c].model = *CameraModel::create(p, "test");
+    rig.truth[c].name = c == 0 ? "left" : c == 1 ? "right" : "cam" + std::to_string(c);
+    rig.views.cameras[c] = {rig.truth[c].name, p.width, p.height, 0};
+  }
+  return rig;
+}
+
+CalibrationTarget wall_target() {
+  CalibrationTarget target;
+  target.name = "wall";
+  target.kind = TargetKind::kTagGrid;
+  target.columns = 3;
+  target.rows = 2;
+  target.marker = 0.12;
+  target.gap = 0.03;
+  target.dictionary = "tag36h11";
+  target.fixed = true;
+  return target;
+}
+
+/// The board as a picture: dark, bright, and white paper around it.
+class Print {
+ public:
+  explicit Print(const CalibrationTarget& target)
+      : size_(target.size()),
+        columns_(static_cast<int>((size_.x() + 2 * kBorder) / kCell)),
+        rows_(static_cast<int>((size_.y() + 2 * kBorder) / kCell)),
+        levels_(static_cast<size_t>(columns_) * static_cast<size_t>(rows_), 200) {
+    const auto dark = target_print(target);
+    for (const PrintedRect& r : *dark) {
+      for (int y = cell(r.top); y < cell(r.top + r.height); ++y) {
+        for (int x = cell(r.left); x < cell(r.left + r.width); ++x) {
+          levels_[static_cast<size_t>(y) * static_cast<size_t>(columns_) + static_cast<size_t>(x)] =
+              40;
+        }
+      }
+    }
+  }
+  /// Level of a ray that starts in front of the print, in the target's frame; negative beside it.
+  int seen(const Eigen::Vector3f& from, const Eigen::Vector3f& direction) const {
+    const float along = -from.z() / direction.z();
+    if (!(along > 0) || direction.z() <= 0) return -1;  // the print's back is out of sight
+    const Eigen::Vector3f hit = from + along * direction;
+    return at({hit.x(), hit.y()});
+  }
+  /// Level at a place of the target's plane; negative beside the paper.
+  int at(const Eigen::Vector2d& p) const {
+    const Eigen::Vector2d end = size_ + Eigen::Vector2d::Constant(kBorder);
+    // Written so that what is not finite is beside it.
+    if (!(p.x() > -kBorder && p.y() > -kBorder && p.x() < end.x() && p.y() < end.y())) return -1;
+    const int x = std::min(cell(p.x()), columns_ - 1), y = std::min(cell(p.y()), rows_ - 1);
+    return levels_[static_cast<size_t>(y) * static_cast<size_t>(columns_) + static_cast<size_t>(x)];
+  }
+
+ private:
+  static constexpr double kCell = 0.0002, kBorder = 0.02;
+  static int cell(double meters) { return static_cast<int>((meters + kBorder) / kCell); }
+
+  Eigen::Vector2d size_;
+  int columns_, rows_;
+  std::vector<uint8_t> levels_;
+};
+
+/// A print, and where it stands behind the others.
+struct PlacedPrint {
+  const Print* print;
+  Rigid3 world_from_target;
+};
+
+/// One camera's images of prints in front of a gray wall, nine rays to a pixel.
+class Photographer {
+ public:
+  explicit Photographer(const CalibratedCamera& camera) : camera_(camera) {
+    for (int y = 0; y < camera.model.height(); ++y) {
+      for (int x = 0; x < camera.model.width(); ++x) {
+        for (int k = 0; k < static_cast<int>(kRays); ++k) {
+          const auto ray = camera.model.unproject({x + (k % 3 - 1) / 3.0, y + (k / 3 - 1) / 3.0});
+          rays_.push_back(ray.value_or(Eigen::Vector3d::UnitZ()).cast<float>());
+        }
+      }
+    }
+  }
+
+  /// The first print is in front.
+  std::vector<uint8_t> shoot(const std::vector<PlacedPrint>& prints) const {
+    constexpr int kWall = 120;
+    std::vector<int> sums(rays_.size() / kRays, 0);
+    std::vector<char> free(rays_.size(), 1);
+    for (const PlacedPrint& placed : prints) {
+      const Rigid3 target_from_camera =
+          placed.world_from_target.inverse() * camera_.world_from_camera;
+      const Eigen::Matrix3f turn = target_from_camera.rotation.toRotationMatrix().cast<float>();
+      const Eigen::Vector3f from = target_from_camera.translation.cast<float>();
+      for (size_t i = 0; i < rays_.size(); ++i) {
+        if (!free[i]) continue;
+        const int level = placed.print->seen(from, turn * rays_[i]);
+        if (level < 0) continue;
+        free[i] = 0;
+        sums[i / kRays] += level;
+      }
+    }
+    std::vector<uint8_t> image;
+    for (size_t i = 0; i < rays_.size(); ++i) sums[i / kRays] += free[i] * kWall;
+    for (const int sum : sums) image.push_back(static_cast<uint8_t>(sum / kRays));
+    return image;
+  }
+
+ private:
+  static constexpr size_t kRays = 9;
+
+  const CalibratedCamera& camera_;
+  std::vector<Eigen::Vector3f> rays_;
+};
+
+class Recorder {
+ public:
+  Recorder(const SyntheticRig& rig, const Choice& choice, std::unique_ptr<RecordingWriter> writer)
+      : rig_(rig),
+        choice_(choice),
+        print_(rig.views.target),
+        wall_(wall_target()),
+        writer_(std::move(writer)) {
+    for (const CalibratedCamera& camera : rig.truth) eyes_.emplace_back(camera);
+  }
+
+  /// On the way there, and held there.
+  Status show(const Rigid3& world_from_target) {
+    const Rigid3 before = shown_ ? *shown_ : world_from_target;
+    const Vector6 way = difference(before, world_from_target);
+    for (int step = 1; shown_ && step < kSteps; ++step) {
+      SL_RETURN_IF_ERROR(add(before * Rigid3::exp(way * step / kSteps), 1));
+    }
+    shown_ = world_from_target;
+    return add(world_from_target, static_cast<int>(choice_.held * choice_.rate + 0.5));
+  }
+  Status close() { return writer_->close(); }
+
+ private:
+  static constexpr int kSteps = 4;
+
+  Status add(const Rigid3& pose, int times) {
+    std::vector<std::vector<uint8_t>> images;
+    std::vector<PlacedPrint> prints{{&print_, pose}};
+    // Behind everything that is shown, square to the first camera.
+    if (choice_.wall) prints.push_back({&wall_, Rigid3({1, 0, 0, 0}, {-0.2, -0.15, 2.4})});
+    for (const Photographer& eye : eyes_) images.push_back(eye.shoot(prints));
+    const Duration period = from_seconds(1 / choice_.rate);
+    for (int i = 0; i < times; ++i, ++sequence_) {
+      for (uint32_t c = 0; c < images.size(); ++c) {
+        // Cameras out of step, although all are shown the same: it is for a board that stands
+        // still.
+        const Duration phase =
+            choice_.wall ? Duration(0) : period * c / static_cast<int64_t>(images.size());
+        const Time at = Time(std::chrono::seconds(1)) + period * sequence_ + phase;
+        SL_RETURN_IF_ERROR(writer_->append(*noisy(c, images[c], at)));
+      }
+    }
+    return {};
+  }
+
+  FramePtr noisy(uint32_t camera, const std::vector<uint8_t>& levels, Time at) {
+    const CameraModel& lens = rig_.truth[camera].model;
+    FrameInfo info;
+    info.camera = CameraId(camera);
+    info.sequence = static_cast<uint64_t>(sequence_);
+    info.capture = info.arrival = at;
+    info.width = lens.width();
+    info.height = lens.height();
+    auto image = std::make_shared<Image>(info.width, info.height);
+    const MutableI420View view = image->mutable_view();
+    for (int y = 0; y < info.height; ++y) {
+      uint8_t* row = view.y.row(y);
+      for (int x = 0; x < info.width; ++x) {
+        const uint64_t bits = random_.bits();  // a sum of four: nearly normal, sigma 1.8
+        const int noise = static_cast<int>((bits & 3) + (bits >> 8 & 3) + (bits >> 16 & 3)) - 4;
+        const int level = levels[static_cast<size_t>(y) * static_cast<size_t>(info.width) +
+                                 static_cast<size_t>(x)];
+        row[x] = static_cast<uint8_t>(std::clamp(level + noise, 0, 255));
+      }
+    }
+    for (const MutablePlaneView& plane : {view.u, view.v}) {
+      for (int y = 0; y < plane.height; ++y) std::fill_n(plane.row(y), plane.width, 128);
+    }
+    return Frame::decoded(info, std::move(image));
+  }
+
+  const SyntheticRig& rig_;
+  const Choice& choice_;
+  Print print_, wall_;
+  std::vector<Photographer> eyes_;
+  std::unique_ptr<RecordingWriter> writer_;
+  std::optional<Rigid3> shown_;
+  int64_t sequence_ = 0;
+  Random random_{17};
+};
+
+/// world_from_target: face up before the first camera, which looks down by 12 degrees.
+Rigid3 lying(const SyntheticRig& rig) {
+  constexpr double kDown = 0.21, kFar = 0.8, kBelow = 0.36;
+  const Eigen::Vector3d up(0, -std::cos(kDown), -std::sin(kDown));
+  Eigen::Matrix3d r;
+  r << Eigen::Vector3d::UnitX(), (-up).cross(Eigen::Vector3d::UnitX()), -up;
+  const Eigen::Vector2d half = rig.views.target.size() / 2;
+  return {Eigen::Quaterniond(r),
+          Eigen::Vector3d(0, 0, kFar) - kBelow * up - r * Eigen::Vector3d(half.x(), half.y(), 0)};
+}
+
+Status record(const Choice& choice) {
+  const SyntheticRig rig = make_small_rig(choice);
+  RecordingWriterOptions options;
+  options.calibration_toml = format_calibration(rig.truth);
+  options.raw_storage = RawStorage::kFfv1;
+  for (const CalibratedCamera& camera : rig.truth) {
+    options.cameras.push_back(
+        {camera.name, PixelFormat::kI420, camera.model.width(), camera.model.height()});
+  }
+  SL_ASSIGN(auto writer, RecordingWriter::create(choice.out, options));
+  SL_RETURN_IF_ERROR(
+      write_file_atomically(choice.out + "/board.toml", format_target(rig.views.target)));
+  SL_RETURN_IF_ERROR(
+      write_file_atomically(choice.out + "/wall.toml", format_target(wall_target())));
+  Recorder recorder(rig, choice, std::move(writer));
+  if (choice.floor) {
+    SL_RETURN_IF_ERROR(recorder.show(lying(rig)));
+    return recorder.close();
+  }
+  CaptureGuideOptions careful;  // what is detected is a little less
+  careful.views += 3;
+  CaptureGuide guide(rig.views.target, rig.views.cameras, {}, careful);
+  SimulatedUser user(rig, {.tilts = !choice.flat});
+  size_t spare = 12;  // poses after the guide was content
+  for (size_t pose = 0; pose < choice.poses && spare > 0; ++pose) {
+    const Rigid3 shown = user.pose_for(guide.advice());
+    std::optional<Error> error;
+    user.hold(shown, [&](const TargetSight& sight) {
+      const auto step = guide.add(sight);
+      if (!step) error = step.error();
+    });
+    if (error) return *error;
+    SL_RETURN_IF_ERROR(recorder.show(shown));
+    if (guide.complete()) --spare;
+  }
+  return recorder.close();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Choice choice;
+  CLI::App app{"Records somebody who shows a board to cameras"};
+  app.add_option("OUT", choice.out, "folder to make")->required();
+  app.add_flag("--flat", choice.flat, "never tilts it");
+  app.add_flag("--wall", choice.wall, "tags stand behind it, fixed (wall.toml); cameras in step");
+  app.add_flag("--floor", choice.floor, "lies on the floor all the time");
+  app.add_option("--poses", choice.poses, "at most");
+  app.add_option("--cameras", choice.cameras, "how many")->check(CLI::Range(1, 3));
+  app.add_option("--rate", choice.rate, "frames per second");
+  app.add_option("--held", choice.held, "how long at each pose [s]");
+  app.add_option("--width", choice.width, "of the images");
+  CLI11_PARSE(app, argc, argv);
+  const Status done = record(choice);
+  if (done) return 0;
+  std::fprintf(stderr, "make_board_recording: %s\n", done.error().message().c_str());
+  return exit_code(done.error());
+}
