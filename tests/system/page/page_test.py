@@ -8,8 +8,9 @@ import signal
 import sys
 import unittest
 
-from browser import Browser, chromium
-from support import BENCH, DaemonCase, installation, wait_until
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
+from browser import Browser, chromium  # noqa: E402
+from support import BENCH, DaemonCase, installation, wait_until  # noqa: E402
 
 SHOTS = os.environ.get("SIGHTLINE_SCREENSHOTS")
 COLORS = "(() => {{ const from = document.querySelector('[data-camera={}] {}'), c = new OffscreenCanvas(640, 480)," \
