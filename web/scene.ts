@@ -267,7 +267,7 @@ export class ScenePanel {
       lookAt(eye, this.target, this.up));
     surface.begin(view, this.color("--card"));
     this.drawGround(surface);
-    if (this.still) surface.mesh(this.still, STILL, this.color("--line"));
+    if (this.still) surface.mesh(this.still, STILL, this.color("--solid"));
     const labels: [Vector, string, string][] = [];
     this.drawCameras(surface, scene, labels);
     for (const [name, body] of this.bodies) this.drawBody(surface, name, body, labels);

@@ -42,7 +42,7 @@ export function readMesh(bytes: ArrayBuffer): Mesh {
 
 const SOLID = ["attribute vec3 place; attribute vec3 normal; uniform mat4 view, model; varying float light;" +
   "void main() { gl_Position = view * model * vec4(place, 1.0); vec3 n = mat3(model) * normal;" +
-  "light = 0.45 + 0.4 * abs(dot(n, normalize(vec3(0.4, 0.3, 0.85)))) + 0.15 * abs(n.x); }",
+  "light = 0.6 + 0.45 * abs(dot(n, normalize(vec3(0.4, 0.3, 0.85)))) + 0.15 * abs(n.x); }",
 "precision mediump float; uniform vec3 color; varying float light; void main() { gl_FragColor = vec4(color * light, 1.0); }"];
 const PLAIN = ["attribute vec4 place; uniform mat4 view; uniform float size; varying float opacity;" +
   "void main() { gl_Position = view * vec4(place.xyz, 1.0); gl_PointSize = size; opacity = place.w; }",

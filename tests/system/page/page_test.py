@@ -96,7 +96,7 @@ class Page(DaemonCase):
         self.assertLessEqual(browser.run("document.documentElement.scrollWidth"), 390)
         self.shot(browser, "phone", whole=True)
         names = browser.accessible_names()
-        for expected in (("button", "Enlarge left"), ("button", "Say where carton is, in a picture"),
+        for expected in (("button", "Enlarge left"), ("button", "Say where it is: carton, in a picture"),
                          ("button", "Forget where carton is"), ("article", "Camera side"), ("article", "Object carton")):
             self.assertIn(expected, names)
         self.assertEqual([name for name in names if name[0] in ("button", "link", "image", "img", "article") and not name[1]], [])
