@@ -123,6 +123,11 @@ Result<ViewerOffer> read_offer(const std::string& sdp) {
     return refusal("that is no SDP offer");
   }
   const SdpPtr message(raw);
+  // The parser takes the last of several lines v=.
+  const char* const version = gst_sdp_message_get_version(message.get());
+  if (version == nullptr || std::string_view(version) != "0") {
+    return refusal("that is no SDP offer");
+  }
   const guint count = gst_sdp_message_medias_len(message.get());
   if (count == 0 || count > kMostMedia) return refusal("the offer has no media, or too many");
   ViewerOffer offer;
