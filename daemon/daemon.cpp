@@ -8,6 +8,7 @@
 
 #include "sightline/base/log.hpp"
 #include "sightline/base/log_output.hpp"
+#include "system/gauge_report.hpp"
 #include "system/system_exchange.hpp"
 #include "system/system_status.hpp"
 #include "web/calibration_json.hpp"
@@ -224,7 +225,11 @@ Status Daemon::stop(StopLeft* left) {
   return done;
 }
 
-void Daemon::tell_waits() { wait_report_.tell(waits(), MonotonicClock::now()); }
+void Daemon::tell_waits() {
+  wait_report_.tell(waits(), MonotonicClock::now());
+  const auto system = system_.read();
+  report_gauges(*system, *context_.recordings, registry_);
+}
 
 std::vector<std::string> Daemon::stalled() const {
   auto names = beats_.stalled(MonotonicClock::now());

@@ -48,6 +48,8 @@ class RecordingManager {
   /// Why something that was ordered is not being recorded; empty: nothing.
   std::string problem() const;
 
+  const std::shared_ptr<RecordingSinkWorker>& poses() const { return poses_; }
+
   /// Finishes what is written; names what had to be left.
   std::vector<std::string> stop(Duration patience);
 
