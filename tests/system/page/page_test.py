@@ -182,7 +182,7 @@ class Page(DaemonCase):
         self.assertIn("carton/hint refused", daemon.log_text())
         browser.run("document.querySelector('[data-object=carton] .do button + button').click()")
         browser.wait_for(f"/carton forgotten/.test({events})", "it is forgotten")
-        self.assertIn("carton: forgotten", daemon.log_text())
+        wait_until(lambda: "carton: forgotten" in daemon.log_text(), "the daemon says so")
         # A refused order is an error of the network to the browser, and nothing else is.
         self.assertEqual([problem for problem in browser.problems if "400" not in problem], [])
 
