@@ -5,6 +5,8 @@
 #include <unistd.h>
 
 #include <exception>
+#include <functional>
+#include <utility>
 
 #include "sightline/base/log.hpp"
 #include "sightline/base/thread.hpp"
@@ -13,12 +15,14 @@ namespace sightline {
 namespace {
 
 Result<std::unique_ptr<Daemon>> start_daemon(const std::filesystem::path& file,
+                                             std::function<void()> request_orders,
                                              const std::stop_token& stop) {
   try {
     SL_ASSIGN(Installation installation, read_installation(file));
     DaemonOptions options;
     // As `systemctl reload` does, so that the service manager is told of it in the same way.
     options.request_reload = [] { (void)::kill(::getpid(), SIGHUP); };
+    options.request_orders = std::move(request_orders);
     return Daemon::start(std::move(installation), options, stop);
   } catch (const std::exception& exception) {
     return make_error(ErrorCode::kInternal, file.string(), "unexpected: {}", exception.what());
@@ -34,6 +38,12 @@ ControlThread::ControlThread(std::filesystem::path file) : file_(std::move(file)
 void ControlThread::request_reload() {
   std::lock_guard lock(mutex_);
   reload_ = true;
+  changed_.notify_all();
+}
+
+void ControlThread::request_orders() {
+  const std::lock_guard lock(mutex_);
+  orders_ = true;
   changed_.notify_all();
 }
 
@@ -53,7 +63,8 @@ std::optional<Error> ControlThread::failure() const {
 }
 
 void ControlThread::start(const std::stop_token& stop) {
-  auto started = start_daemon(file_, stop);
+  auto started = start_daemon(
+      file_, [this] { request_orders(); }, stop);
   std::lock_guard lock(mutex_);
   started_ = true;
   if (started) {
@@ -69,16 +80,18 @@ void ControlThread::run(const std::stop_token& stop) {
   for (;;) {
     working_ = false;
     changed_.notify_all();
-    changed_.wait(lock, stop, [this] { return reload_; });
+    changed_.wait(lock, stop, [this] { return reload_ || orders_; });
     if (stop.stop_requested() || !daemon_) break;
-    reload_ = false;
-    working_ = true;
+    const bool reload = std::exchange(reload_, false);
+    orders_ = false;
+    working_ = reload;
     const auto daemon = daemon_;
     lock.unlock();
-    const Status done = daemon->reload(file_, stop);
+    const Status done = reload ? daemon->reload(file_, stop) : Status();
     if (!done) {
       log::error("reload refused, everything goes on as before: {}", done.error().message());
     }
+    daemon->do_orders(stop);
     lock.lock();
   }
   ended_ = true;

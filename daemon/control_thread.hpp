@@ -21,7 +21,9 @@ class ControlThread {
 
   /// The file is read again after what is under way; several requests may become one reload.
   void request_reload();
-  /// Something is under way or requested.
+  /// Daemon::do_orders() is called after what is under way. From any thread.
+  void request_orders();
+  /// A start or reload is under way or requested.
   bool busy() const;
   /// Null until it has started.
   std::shared_ptr<Daemon> daemon() const;
@@ -50,7 +52,8 @@ class ControlThread {
   std::optional<Error> failure_;
   Status result_;
   StopLeft left_;
-  bool started_ = false, reload_ = false, working_ = true, ended_ = false, stopped_ = false;
+  bool started_ = false, reload_ = false, orders_ = false, working_ = true, ended_ = false,
+       stopped_ = false;
   std::jthread thread_, stopper_;
 };
 

@@ -8,8 +8,10 @@
 
 #include "sightline/base/log.hpp"
 #include "sightline/base/log_output.hpp"
+#include "system/gauge_report.hpp"
 #include "system/system_exchange.hpp"
 #include "system/system_status.hpp"
+#include "web/calibration_json.hpp"
 #include "web/content.hpp"
 
 namespace sightline {
@@ -52,7 +54,8 @@ Daemon::Daemon(const DaemonOptions& options, std::shared_ptr<HttpWaker> waker)
                nullptr,
                nullptr,
                {},
-               options.request_reload} {
+               options.request_reload},
+      orders_(options.request_orders, waker_) {
   system_.publish(std::make_shared<const System>());
   config_.publish(std::make_shared<const ConfigReport>());
   count_lost_messages();
@@ -67,6 +70,7 @@ Result<std::unique_ptr<Daemon>> Daemon::start(Installation installation,
   SL_RETURN_IF_ERROR(daemon->prepare_web());
   const std::filesystem::path file = installation.file;
   const std::string content = installation.content;
+  daemon->overlays_.note_file(installation);
   SL_RETURN_IF_ERROR(guarded([&] { return daemon->replace(std::move(installation), stop); }));
   daemon->note_loaded(file, content);
   return daemon;
@@ -87,12 +91,15 @@ Status Daemon::prepare_web() {
                                .recordings = context_.recordings,
                                .whep = context_.whep,
                                .waker = waker_});
+  if (options_.request_orders) add_orders();
   return {};
 }
 
 Status Daemon::reload(const std::filesystem::path& file, std::stop_token stop) {
   const Status done = guarded([&]() -> Status {
-    SL_ASSIGN(Installation next, read_installation(file));
+    SL_ASSIGN(const Installation as_read, read_installation(file));
+    Installation next = as_read;
+    overlays_.carry_over(system_.read()->installation, next);
     const std::string content = next.content;
     const InstallationChanges changes = compare(system_.read()->installation, next);
     if (!broken_ && changes.none()) {
@@ -101,6 +108,7 @@ Status Daemon::reload(const std::filesystem::path& file, std::stop_token stop) {
       SL_RETURN_IF_ERROR(replace(std::move(next), stop));
       log::info("reload: {}", changes.summary());
     }
+    overlays_.note_file(as_read);
     note_loaded(file, content);
     return {};
   });
@@ -143,7 +151,8 @@ Status Daemon::exchange(const System& old, SystemDraft draft) {
 void Daemon::publish(SystemExchange& exchange, const System& old) {
   const auto next = std::make_shared<System>(exchange.system());
   log::set_level(next->installation.daemon.log_level);
-  if (options_.serve) context_.recordings->configure(next->installation.record);
+  if (options_.serve)
+    context_.recordings->configure(next->installation.record, next->installation.zones);
   system_.publish(next);
   broken_ = false;
   exchange.retire_old();
@@ -178,7 +187,10 @@ void Daemon::restore(const System& old) {
 }
 
 void Daemon::note_loaded(const std::filesystem::path& file, const std::string& content) {
+  std::error_code error;
   ConfigReport report{file, content, utc_now_ns(), "", 0};
+  report.calibration_report = std::filesystem::is_regular_file(
+      calibration_report_file(system_.read()->installation), error);
   registry_.remove("content", config_.read()->content);
   registry_
       .gauge("sightline_config_info", "1 for the configuration that is in force",
@@ -213,7 +225,11 @@ Status Daemon::stop(StopLeft* left) {
   return done;
 }
 
-void Daemon::tell_waits() { wait_report_.tell(waits(), MonotonicClock::now()); }
+void Daemon::tell_waits() {
+  wait_report_.tell(waits(), MonotonicClock::now());
+  const auto system = system_.read();
+  report_gauges(*system, *context_.recordings, registry_);
+}
 
 std::vector<std::string> Daemon::stalled() const {
   auto names = beats_.stalled(MonotonicClock::now());

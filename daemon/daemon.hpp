@@ -10,6 +10,8 @@
 #include <string>
 #include <vector>
 
+#include "order_desk.hpp"
+#include "system/overlay_desk.hpp"
 #include "system/system_builder.hpp"
 #include "system/wait_report.hpp"
 
@@ -26,6 +28,9 @@ struct DaemonOptions {
   /// Called when the HTTP interface is asked for a reload, on its thread; must not wait. Empty:
   /// that is refused.
   std::function<void()> request_reload{};
+  /// Called when somebody ordered over HTTP what Daemon::do_orders() does, on any thread; must not
+  /// wait. Empty: there are no such orders.
+  std::function<void()> request_orders{};
 };
 
 /// The system that runs, and its replacement by another. start() and reload() may take as long as
@@ -43,6 +48,8 @@ class Daemon {
   /// Reads the file and makes the running system agree with it, restarting only what differs. On
   /// an error the old one goes on, and the status says so. Never throws.
   Status reload(const std::filesystem::path& file, std::stop_token stop);
+  /// What was ordered over HTTP and takes a moment or a disk; on the thread of reload().
+  void do_orders(std::stop_token stop);
   /// Sources first, streams last; a reload that is under way changes nothing any more. The
   /// recording's error, if it had one. What waits for a device or a disk is left, and said in
   /// `left`: destroying the daemon waits for it.
@@ -56,8 +63,8 @@ class Daemon {
 
   /// What makes no progress; the watchdog is fed while this is empty.
   std::vector<std::string> stalled() const;
-  /// Tells in log and metrics what has been waiting for a device or a disk; call it about twice a
-  /// second, from one thread.
+  /// Tells in log and metrics what has been waiting for a device or a disk, and in metrics how
+  /// full queues are and how well objects are known; call it about twice a second, from one thread.
   void tell_waits();
   /// All cameras play recordings to their end and have got there.
   bool ended() const;
@@ -73,6 +80,10 @@ class Daemon {
  private:
   Daemon(const DaemonOptions& options, std::shared_ptr<HttpWaker> waker);
   Status prepare_web();
+  void add_orders();
+  /// The running system with another overlay: `change` of its installation.
+  HttpReply restyle(const std::function<Status(Installation&)>& change);
+  HttpReply accept_calibration(const std::vector<std::string>& cameras);
   Status replace(Installation next, std::stop_token stop);
   Status exchange(const System& old, SystemDraft draft);
   void publish(SystemExchange& exchange, const System& old);
@@ -90,6 +101,9 @@ class Daemon {
   SourceFactory sources_{registry_};
   const std::shared_ptr<HttpWaker> waker_;
   SystemContext context_;  // complete after prepare_web()
+  OrderDesk orders_;
+  OverlayDesk overlays_;
+  std::stop_token orders_stop_;  // the control thread's
 
   WaitReport wait_report_{registry_};
   Snapshot<const System> system_;        // never null inside

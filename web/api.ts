@@ -11,23 +11,33 @@ export interface Camera {
 }
 export interface VirtualCamera { name: string; width: number; height: number; viewers: number; webrtc_viewers: number; picture_viewers: number }
 export interface Pose {
-  state: TrackState; t_ns?: number; utc_ns?: number; translation_m?: [number, number, number]; sigma_t_mm?: number;
-  sigma_r_deg?: number; reasons?: string[]; cameras?: string[];
+  state: TrackState; t_ns?: number; utc_ns?: number; translation_m?: [number, number, number];
+  rotation_wxyz?: [number, number, number, number]; sigma_t_mm?: number; sigma_r_deg?: number; reasons?: string[]; cameras?: string[];
 }
-export interface SeenObject extends Pose { name: string; points?: { rms_mm: number; contradicts: boolean } }
-export interface PoseEvent extends Pose { object: string }
+export interface SeenObject extends Pose { name: string; points?: { rms_mm: number; contradicts: boolean }; zones?: string[] }
+export interface PoseEvent extends Pose { object: string; covariance?: number[] }
 export interface State {
-  name: string; utc_ns: number; webrtc: boolean; config: { file: string; loaded: string; refused?: { at: string; problem: string } };
+  name: string; utc_ns: number; webrtc: boolean; config: { file: string; content: string; loaded: string; refused?: { at: string; problem: string } };
   recording?: { state: string; folder?: string; problem?: string };
   waiting?: { thread: string; for: string; since: string }[];
   cameras: Camera[]; virtual_cameras: VirtualCamera[]; objects: SeenObject[];
 }
 
-/** Posts an order; returns what is wrong, or null. */
-export async function order(path: string, body: unknown): Promise<string | null> {
+/** What is there, or null. */
+export async function fetchJson<T>(path: string): Promise<T | null> {
   try {
-    const answer = await fetch(path, {
-      method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body),
+    const answer = await fetch(path);
+    return answer.ok ? await answer.json() as T : null;
+  } catch {
+    return null;  // the page says itself that the daemon does not answer
+  }
+}
+
+/** Gives an order; returns what is wrong, or null. */
+export async function order(path: string, body: unknown, method = "POST"): Promise<string | null> {
+  try {
+    const answer = await fetch(path, body === undefined ? { method } : {
+      method, headers: { "Content-Type": "application/json" }, body: JSON.stringify(body),
     });
     if (answer.ok) return null;
     const said = await answer.json() as { error?: string };

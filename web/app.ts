@@ -4,9 +4,12 @@
 import { Camera, follow, order, PoseEvent, SeenObject, State, VirtualCamera } from "./api";
 import { byId, make, setText, show } from "./dom";
 import { ObjectCard } from "./objects";
+import { OverlayPanel } from "./overlay";
 import { PictureFeed } from "./pictures";
 import { Plot } from "./plot";
 import { RecordingPanel } from "./recordings";
+import { RigPanel } from "./rig";
+import { ScenePanel } from "./scene";
 import { Tile } from "./tiles";
 import { canPlayVideo, VideoFeed } from "./whep";
 
@@ -26,6 +29,9 @@ class Page {
   private readonly pictures = new PictureFeed((picture) => this.tiles.get(picture.camera)?.take(picture));
   private readonly videos = new VideoFeed((camera) => this.tiles.get(camera)?.video ?? null,
     (camera, age) => this.tiles.get(camera)?.takeFrame(age), (cameras) => this.fetchPictures(cameras));
+  private readonly scene = new ScenePanel();
+  private readonly overlay = new OverlayPanel((text) => this.tell(text));
+  private readonly rig = new RigPanel((text) => this.tell(text));
   private fetched = "";
   private readonly since = new Map<string, { state: string; time: number }>();
   private one = "";         // the camera that is enlarged
@@ -49,6 +55,7 @@ class Page {
     document.addEventListener("visibilitychange", () => this.watch());
     setInterval(() => this.refresh(), 250);
     this.startTheme();
+    this.scene.start();
     new RecordingPanel((text) => this.tell(text)).start();
   }
 
@@ -76,7 +83,13 @@ class Page {
       this.tellChange(`camera ${camera.name}`, String(camera.present),
         camera.present ? `camera ${camera.name} is there` : `camera ${camera.name}: no signal${camera.problem ? ": " + camera.problem : ""}`);
     }
+    for (const object of state.objects) {
+      if (object.zones) this.tellZones(object.name, object.zones);
+    }
     setText(byId("summary"), this.summary(state));
+    this.scene.takeState(state);
+    this.overlay.takeState(state);
+    this.rig.takeState(state);
     this.refresh();
   }
 
@@ -97,6 +110,7 @@ class Page {
 
   private takeWhole(pose: PoseEvent): void {
     const card = this.objects.get(pose.object);
+    this.scene.takePose(pose);
     if (!card) return;
     card.take(pose);
     const plots = this.plots.get(pose.object);
@@ -214,6 +228,13 @@ class Page {
     this.tell(text);
   }
 
+  private tellZones(object: string, zones: string[]): void {
+    const key = `zones ${object}`, before = this.told.get(key)?.split("\n").filter((zone) => zone) ?? [];
+    this.told.set(key, zones.join("\n"));
+    for (const zone of zones) if (!before.includes(zone)) this.tell(`${object} entered ${zone}`);
+    for (const zone of before) if (!zones.includes(zone)) this.tell(`${object} left ${zone}`);
+  }
+
   /** A state that has stayed for a second is an event. */
   private tellLasting(card: ObjectCard): void {
     const now = performance.now(), known = this.since.get(card.name);
@@ -259,6 +280,7 @@ class Page {
       const isDark = theme === "dark" || (theme === "automatic" && dark.matches);
       document.documentElement.dataset.theme = isDark ? "dark" : "light";
       setText(button, `Theme: ${theme}`);
+      this.scene.themed();
     };
     button.addEventListener("click", () => {
       theme = THEMES[(THEMES.indexOf(theme) + 1) % THEMES.length];

@@ -49,7 +49,7 @@ export class ObjectCard {
     const forget = make("button", "", "Forget");
     forget.type = this.look.type = "button";
     forget.setAttribute("aria-label", `Forget where ${name} is`);
-    this.look.setAttribute("aria-label", `Say where ${name} is, in a picture`);
+    this.look.setAttribute("aria-label", `Say where it is: ${name}, in a picture`);
     this.look.setAttribute("aria-pressed", "false");
     this.look.addEventListener("click", () => owner.point(name));
     forget.addEventListener("click", () => owner.forget(name));

@@ -134,6 +134,8 @@ export class RecordingPanel {
     });
     this.player.replaceChildren(video, close);
     this.player.hidden = false;
+    this.player.scrollIntoView({ block: "nearest" });
+    video.play().catch(() => undefined);  // what does not play is told above
   }
 
   private async toggle(kind: Kind, button: HTMLButtonElement): Promise<void> {

@@ -87,6 +87,7 @@ std::shared_ptr<RecordingManager> RecordingManager::start(Registry& registry, He
                                                           std::shared_ptr<FrameTaps> taps) {
   std::shared_ptr<RecordingManager> manager(new RecordingManager());
   manager->taps_ = std::move(taps);
+  manager->zones_ = std::make_shared<ZoneWatch>(registry);
   manager->config_.publish(std::make_shared<const RecordConfig>());
   manager->viewing_ = RecordingSinkWorker::start(RecordingKind::kViewing, registry, beats);
   manager->poses_ = RecordingSinkWorker::start(RecordingKind::kPoses, registry, beats);
@@ -102,12 +103,17 @@ std::shared_ptr<RecordingManager> RecordingManager::start(Registry& registry, He
   return manager;
 }
 
-void RecordingManager::configure(const RecordConfig& config) {
+void RecordingManager::configure(const RecordConfig& config, const std::vector<ZoneConfig>& zones) {
+  zones_->configure(zones);
+  std::set<RecordingKind> by_zones;
+  for (const ZoneConfig& zone : zones) by_zones.insert(zone.record.begin(), zone.record.end());
   const RecordConfig before = *config_.read();
-  if (before == config) return;
+  if (before == config && by_zones == by_zones_) return;
+  by_zones_ = by_zones;
   config_.publish(std::make_shared<const RecordConfig>(config));
   const auto ready = [&](RecordingKind kind) {
-    return RecordConfig::names(config.on_lost, kind) ? config.before : Duration(0);
+    const bool by_event = RecordConfig::names(config.on_lost, kind) || by_zones.contains(kind);
+    return by_event ? config.before : Duration(0);
   };
   viewing_->configure({config.directory,
                        [options = config.viewing](const std::filesystem::path& folder) {
@@ -129,6 +135,7 @@ void RecordingManager::configure(const RecordConfig& config) {
 
 void RecordingManager::push(const PoseEstimate& estimate, bool of_frame) {
   note_lost(estimate);
+  note_zones(estimate);
   if (!of_frame || !poses_->wants()) return;
   if (auto names = names_.read()) poses_->push(PoseFeed::Entry{estimate, std::move(names)});
 }
@@ -146,6 +153,17 @@ void RecordingManager::note_lost(const PoseEstimate& estimate) {
   for (const RecordingKind kind : config->on_lost) {
     begin(kind, config->after, object + " is lost");
   }
+}
+
+void RecordingManager::note_zones(const PoseEstimate& estimate) {
+  const auto names = names_.read();
+  const size_t index = estimate.object.index();
+  if (!names || index >= names->objects.size()) return;
+  std::string why;
+  const auto kinds = zones_->take(estimate, names->objects[index], why);
+  if (kinds.empty()) return;
+  const Duration after = config_.read()->after;
+  for (const RecordingKind kind : kinds) begin(kind, after, why);
 }
 
 void RecordingManager::begin(RecordingKind kind, std::optional<Duration> for_at_most,

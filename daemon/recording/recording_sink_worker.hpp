@@ -58,6 +58,9 @@ class RecordingSinkWorker {
   void push(ViewPacket packet);
   void push(PoseFeed::Entry pose);
   RecordingSinkStatus status() const;
+  /// The most entries that waited at once since the last call, and bytes that wait now.
+  size_t queue_peak() { return queue_.take_peak(); }
+  size_t queued_bytes() const { return queued_bytes_; }
 
   /// Finishes what is written. Leaves a thread that waits for the disk once `patience` has passed:
   /// false then.

@@ -14,6 +14,7 @@ struct ConfigReport {
   int64_t loaded_utc_ns = 0;
   std::string refused;  ///< why the newest was refused; empty: it is the one in force
   int64_t refused_utc_ns = 0;
+  bool calibration_report = false;  ///< a report.html lay beside the calibration then
 };
 
 }  // namespace sightline

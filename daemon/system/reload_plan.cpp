@@ -63,6 +63,7 @@ ReloadPlan plan_reload(const Installation& before, const Installation& after,
   plan.points = plan.search;
   plan.views =
       changes.views || cameras || plan.renderers || before.rtsp.enabled != after.rtsp.enabled;
+  plan.watch = plan.fusion || cameras || changes.calibration;
   plan.recorder = objects || cameras || changes.record;
   plan.rtsp = changes.rtsp;
   plan.http = changes.http;

@@ -16,6 +16,7 @@ struct ReloadPlan {
   bool observers = false, renderers = false;
   bool encoder = false;
   bool search = false, points = false, views = false;
+  bool watch = false;  ///< over the cameras' places
   bool recorder = false, rtsp = false, http = false, actions = false, mqtt = false;
 
   /// By index in the new installation. A camera that goes on keeps its CameraId.

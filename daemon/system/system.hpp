@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "recording/zone_watch.hpp"
 #include "sightline/config/installation.hpp"
 #include "sightline/pipeline/rig.hpp"
 #include "system/servers.hpp"
@@ -47,6 +48,7 @@ struct System {
   std::shared_ptr<ActionWorker> actions{};           ///< null: none are sent
   std::shared_ptr<MqttWorker> mqtt{};                ///< null: no broker
   std::shared_ptr<CalibrationKeeper> calibration{};  ///< null: nobody watches
+  std::shared_ptr<ZoneWatch> zones{};                ///< never null while it runs
   std::shared_ptr<LastPoseKeeper> last_poses{};      ///< null: no object starts where it was last
 
   /// Somebody says where an object is: it is looked for there first, in the next ten seconds, if it

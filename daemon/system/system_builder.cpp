@@ -67,6 +67,7 @@ Result<SystemDraft> SystemBuilder::prepare(Installation next, std::stop_token st
       plan_reload(old_.installation, next, compare(old_.installation, next), old_.fusion_cameras);
   System& system = draft.system = old_;
   system.installation = std::move(next);
+  system.zones = context_.recordings->zones();
   const Installation& now = system.installation;
   SL_RETURN_IF_ERROR(check_not_stopped(stop));
   if (draft.plan.rig || !old_.rig) {

@@ -277,6 +277,7 @@ void SystemExchange::keep_last_poses() {
 
 void SystemExchange::watch_calibration() {
   const Installation& now = next_.installation;
+  if (!draft_.plan.watch && old_.fusion) return;
   if (old_.calibration) (void)old_.calibration->stop_unless_waiting(std::chrono::seconds(1));
   next_.calibration.reset();
   next_.fusion->set_cameras(watched_places(now));

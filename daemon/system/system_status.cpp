@@ -150,10 +150,13 @@ Json objects_array(const System& system) {
   for (const auto& camera : system.cameras) camera_names.push_back(camera->name());
   std::vector<PoseTrackPtr> tracks;
   if (system.board) system.board->read(tracks);
+  const auto zones = system.zones ? system.zones->inside() : nullptr;
   const auto checks = system.points ? system.points->checks() : std::vector<PointCheck>();
   for (size_t i = 0; i < tracks.size(); ++i) {
     objects.push_back(object_json(system.rig->objects[i].named, tracks[i], camera_names,
                                   i < checks.size() ? &checks[i] : nullptr));
+    if (!zones) continue;
+    objects.back()["zones"] = i < zones->size() ? (*zones)[i] : std::vector<std::string>();
   }
   return objects;
 }

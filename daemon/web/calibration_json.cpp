@@ -5,6 +5,9 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
+#include "sightline/base/files.hpp"
+#include "system/system_status.hpp"
+
 namespace sightline {
 namespace {
 
@@ -49,6 +52,53 @@ void add_calibration(const CameraWatch& watch, const Rigid3& world_from_camera,
     json["drift_mm_per_hour"] = watch.rate.tail<3>().norm() * 1e3 * 3600;
   }
   camera["calibration"] = std::move(json);
+}
+
+std::filesystem::path calibration_report_file(const Installation& installation) {
+  return installation.calibration.parent_path() / "report.html";
+}
+
+std::string calibration_json(const System& system, const ConfigReport& config) {
+  const Installation& now = system.installation;
+  const auto watches = system.fusion ? system.fusion->calibration() : nullptr;
+  Json json{{"file", now.calibration.string()},
+            {"content", feed_names(system).calibration},
+            {"watched", watches && system.calibration},
+            {"report", config.calibration_report},
+            {"cameras", Json::array()}};
+  bool proposed = false;
+  for (size_t i = 0; i < now.cameras.size(); ++i) {
+    const CalibratedCamera& camera = now.cameras[i].calibration;
+    Json entry{{"name", now.cameras[i].name},
+               {"width", camera.model.width()},
+               {"height", camera.model.height()},
+               {"rms_px", camera.rms_px}};
+    if (watches && system.calibration && i < watches->size() && observes(now.cameras[i].role)) {
+      add_calibration((*watches)[i], camera.world_from_camera, system.calibration->proposal(),
+                      entry);
+      proposed = proposed || is_wrong((*watches)[i].state);
+    }
+    json["cameras"].push_back(std::move(entry));
+  }
+  if (proposed && !system.calibration->proposal().empty()) {
+    json["proposal"] = system.calibration->proposal().string();
+  }
+  return json.dump(2) + "\n";
+}
+
+HttpReply calibration_report_reply(const Installation& installation) {
+  constexpr size_t kMostBytes = 32 << 20;
+  auto text = read_file(calibration_report_file(installation), kMostBytes);
+  if (!text) {
+    return HttpReply::error(404, "there is no report.html beside the calibration in force");
+  }
+  HttpReply reply{200, "text/html; charset=utf-8", *std::move(text)};
+  // A file that somebody put there: it may show itself, and nothing else.
+  reply.headers.emplace_back(
+      "Content-Security-Policy",
+      "default-src 'none'; style-src 'unsafe-inline'; img-src data:; "
+      "sandbox; base-uri 'none'; form-action 'none'; frame-ancestors 'none'");
+  return reply;
 }
 
 }  // namespace sightline

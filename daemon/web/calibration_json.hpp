@@ -3,8 +3,12 @@
 
 #include <filesystem>
 #include <nlohmann/json_fwd.hpp>
+#include <string>
 
 #include "sightline/calibrate/calibration_watch.hpp"
+#include "sightline/control/http_content.hpp"
+#include "system/config_report.hpp"
+#include "system/system.hpp"
 
 namespace sightline {
 
@@ -12,5 +16,13 @@ namespace sightline {
 /// `world_from_camera`, the one that it was calibrated at (docs/api.md).
 void add_calibration(const CameraWatch& watch, const Rigid3& world_from_camera,
                      const std::filesystem::path& proposal, nlohmann::ordered_json& camera);
+
+/// What is in force, camera by camera, and what is proposed (docs/api.md).
+std::string calibration_json(const System& system, const ConfigReport& config);
+
+/// Where the report of the calibration in force is expected: report.html beside it.
+std::filesystem::path calibration_report_file(const Installation& installation);
+/// report.html beside the calibration in force, or 404; reads the disk.
+HttpReply calibration_report_reply(const Installation& installation);
 
 }  // namespace sightline

@@ -6,7 +6,9 @@
 
 #include "system/system_status.hpp"
 #include "version.hpp"
+#include "web/calibration_json.hpp"
 #include "web/picture_streams.hpp"
+#include "web/scene_json.hpp"
 
 namespace sightline {
 namespace {
@@ -108,6 +110,12 @@ void add_lists(const WebSources& s, HttpContent& content) {
   content.cameras_json = [s] { return cameras_json(*s.system()); };
   content.objects_json = [s] { return objects_json(*s.system()); };
   content.poses_json = [s] { return poses_json(*s.system()); };
+  content.scene_json = [s] { return scene_json(*s.system()); };
+  content.points_json = [s] { return points_json(*s.system()); };
+  content.calibration_json = [s] { return calibration_json(*s.system(), *s.config()); };
+  content.object_mesh = [s](const std::string& name) {
+    return object_mesh_reply(*s.system(), name);
+  };
   content.camera_json = [s](const std::string& name) { return camera_json(*s.system(), name); };
   content.object_json = [s](const std::string& name) { return object_json(*s.system(), name); };
 }

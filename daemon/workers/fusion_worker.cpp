@@ -51,6 +51,8 @@ FusionWorker::FusionWorker(std::unique_ptr<ObjectFusion> fusion,
                            "Measurements older than the out-of-sequence buffer, not used", labels),
          &registry.gauge("sightline_object_state",
                          "0 searching, 1 tracking, 2 degraded, 3 coasting, 4 lost", labels),
+         &registry.gauge("sightline_object_residual_sigmas",
+                         "Root mean square of the newest accepted residuals", labels),
          {}});
     for (int bit = 0; 1 << bit <= kContradicted; ++bit) {
       const Labels reason{{"object", object.name},
@@ -195,6 +197,7 @@ void FusionWorker::take(const Observation& observation, LatencyHistogram* latenc
   }
   if (latency != nullptr) observe_age(*latency, observation.capture);
   counters.state->set(static_cast<double>(report.estimate.state));
+  if (report.accepted != 0) counters.residual->set(report.residual);
   for (size_t bit = 0; bit < counters.degraded_reasons.size(); ++bit) {
     counters.degraded_reasons[bit]->set(report.estimate.degraded_reasons >> bit & 1);
   }

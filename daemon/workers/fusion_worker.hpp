@@ -49,6 +49,8 @@ class FusionWorker {
   /// Calibrated places, by CameraId, a moment later; from any thread, never waits.
   void set_cameras(std::vector<std::optional<Rigid3>> world_from_camera);
   void stop();
+  /// The most observations that waited at once since the last call. Any thread.
+  size_t queue_peak() { return queue_.take_peak(); }
 
  private:
   FusionWorker(std::unique_ptr<ObjectFusion> fusion, const std::vector<NamedObject>& objects,
@@ -65,6 +67,7 @@ class FusionWorker {
     Counter* gated;
     Counter* late;
     Gauge* state;
+    Gauge* residual;
     std::vector<Gauge*> degraded_reasons;  ///< by bit
   };
   /// Why an object is degraded, and whether the log has it.

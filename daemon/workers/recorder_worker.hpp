@@ -70,6 +70,9 @@ class RecorderWorker {
   bool wanted_for_good() const { return wanted_; }
   uint64_t written() const { return written_here_; }  ///< frames of the newest recording
   uint64_t dropped() const { return dropped_.value(); }
+  /// The most entries that waited at once since the last call, and bytes that wait now.
+  size_t queue_peak() { return queue_.take_peak(); }
+  size_t queued_bytes() const { return queued_bytes_; }
 
  private:
   struct Entry {

@@ -84,6 +84,14 @@ std::string StreamOutput::encoder_name() const {
   return current ? current->encoder_name() : "";
 }
 
+size_t StreamOutput::encoding() const {
+  const auto current = encoder();
+  if (!current) return 0;
+  const EncoderCounts counts = current->counts();
+  const uint64_t out = counts.encoded + counts.dropped;
+  return counts.pushed > out ? counts.pushed - out : 0;
+}
+
 bool StreamOutput::make_encoder() {
   if (MonotonicClock::now() < retry_at_) return false;
   const auto hand_out =

@@ -61,6 +61,8 @@ class StreamOutput : public ImageSink {
   const EncoderOptions& options() const { return created_; }
   /// Element that encodes now, or empty.
   std::string encoder_name() const;
+  /// Images that were handed to the encoder and have not come out.
+  size_t encoding() const;
 
  private:
   StreamOutput(std::string camera, EncoderOptions options, std::vector<NamedObject> names,

@@ -84,6 +84,7 @@ InstallationChanges compare(const Installation& before, const Installation& afte
   changes.record = before.record != after.record;
   changes.mqtt = before.mqtt != after.mqtt;
   changes.action = before.action != after.action;
+  changes.zones = before.zones != after.zones;
   changes.watch = before.watch != after.watch;
   changes.daemon = before.daemon != after.daemon;
   return changes;
@@ -121,6 +122,7 @@ std::string InstallationChanges::summary() const {
                                                    {mqtt, "mqtt"},
                                                    {action, "action"},
                                                    {watch, "watch"},
+                                                   {zones, "zones"},
                                                    {daemon, "daemon"}};
   for (const auto& [changed, section] : sections) {
     if (changed) parts.emplace_back(section);

@@ -13,6 +13,7 @@
 #include "config/section_reader.hpp"
 #include "config/servers.hpp"
 #include "config/toml_reader.hpp"
+#include "config/zones.hpp"
 
 namespace sightline {
 namespace {
@@ -50,6 +51,7 @@ class InstallationReader {
     config::read_servers(root_, path_, files_, result_);
     section("encoder", result_.encoder);
     read_record();
+    config::read_zones(root_, path_, files_, result_);
     read_publish();
     read_action();
     section("watch", result_.watch);

@@ -17,11 +17,6 @@ std::optional<Rgb> parse_color(std::string_view text) {
              static_cast<uint8_t>(value & 0xff)};
 }
 
-// Switches with a key of their own, because they are not marks but occasions to draw.
-bool has_own_key(std::string_view style) {
-  return style == "last_seen" || style == "status" || style == "hidden_lines";
-}
-
 bool is_element_name(const std::string& name) {
   return !name.empty() && name.size() <= 64 && std::all_of(name.begin(), name.end(), [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' ||
@@ -30,6 +25,10 @@ bool is_element_name(const std::string& name) {
 }
 
 }  // namespace
+
+bool has_own_key(std::string_view style) {
+  return style == "last_seen" || style == "status" || style == "hidden_lines";
+}
 
 void SectionReader::file(std::string_view key, std::filesystem::path& field) {
   const auto value = table_.text(key);

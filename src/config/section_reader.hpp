@@ -16,6 +16,10 @@
 
 namespace sightline::config {
 
+/// Of the styles, switches with a key of their own, because they are not marks but occasions to
+/// draw.
+bool has_own_key(std::string_view style);
+
 /// Fills the fields of a section (sections.hpp) from a table. Absent keys leave them as they are.
 class SectionReader {
  public:

@@ -173,6 +173,43 @@ Result<RecordingOrder> parse_recording_order(std::string_view body, bool may_las
   return order;
 }
 
+Result<OverlayRequest> parse_overlay(std::string_view body) {
+  SL_ASSIGN(const Json json, parse_object(body));
+  OverlayRequest request;
+  for (const auto& [key, value] : json.items()) {
+    if (key == "camera") {
+      if (!value.is_string() || value.get_ref<const std::string&>().empty()) {
+        return wrong("\"camera\" has to be a name");
+      }
+      request.camera = value.get<std::string>();
+      continue;
+    }
+    const bool list = value.is_array() &&
+                      std::ranges::all_of(value, [](const Json& one) { return one.is_string(); });
+    if (!list && !value.is_boolean() && !value.is_number() && !value.is_string()) {
+      return wrong(fmt::format("\"{}\" has to be a number, a text, true, false or a list of texts",
+                               key.substr(0, kLongestName)));
+    }
+    // Texts, numbers and lists of JSON are those of TOML.
+    request.keys += Json(key).dump() + " = " + value.dump() + "\n";
+  }
+  if (request.keys.empty()) return wrong("say what to change, as in {\"theme\": \"minimal\"}");
+  return request;
+}
+
+Result<std::vector<std::string>> parse_cameras(std::string_view body) {
+  std::vector<std::string> cameras;
+  if (body.empty()) return cameras;
+  SL_ASSIGN(const Json json, parse_object(body));
+  SL_RETURN_IF_ERROR(only_keys(json, {"cameras"}));
+  if (!json.contains("cameras")) return cameras;
+  const Json& names = json.at("cameras");
+  const bool good = names.is_array() && !names.empty() &&
+                    std::ranges::all_of(names, [](const Json& name) { return name.is_string(); });
+  if (!good) return wrong("\"cameras\" has to be a list of names");
+  return names.get<std::vector<std::string>>();
+}
+
 Result<std::string> parse_mark(std::string_view body) {
   if (body.empty()) return std::string();
   SL_ASSIGN(const Json json, parse_object(body));

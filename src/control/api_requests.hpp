@@ -28,6 +28,13 @@ Result<RecordingOrder> parse_recording_order(std::string_view body, bool may_las
 /// Body of a mark: {"text": "..."}, of at most 1000 bytes.
 Result<std::string> parse_mark(std::string_view body);
 
+/// Body of another overlay: "camera" (a name) and keys of [overlay], which are handed on as TOML:
+/// what they may be is the configuration's affair.
+Result<OverlayRequest> parse_overlay(std::string_view body);
+
+/// {"cameras": ["left", ...]}; empty where none are named.
+Result<std::vector<std::string>> parse_cameras(std::string_view body);
+
 /// "camera" (several), "annotated" (0 or 1), "rate_hz" (0.1 .. 240).
 Result<PictureRequest> parse_pictures(const Query& query);
 

@@ -5,6 +5,7 @@
 #include <strings.h>
 #include <sys/socket.h>
 
+#include <algorithm>
 #include <charconv>
 #include <exception>
 
@@ -21,6 +22,10 @@ constexpr std::string_view kPageRules =
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
 bool is(const char* a, const char* b) { return strcasecmp(a, b) == 0; }
+
+bool takes_body(std::string_view method) {
+  return method == MHD_HTTP_METHOD_POST || method == MHD_HTTP_METHOD_PUT;
+}
 
 // Each of them, should there be several: which one another reader takes is its own affair.
 bool hosts_are_own(MHD_Connection* connection, const Service& service) {
@@ -84,7 +89,10 @@ void add_headers(MHD_Response* response, const HttpReply& reply) {
   add("X-Content-Type-Options", "nosniff");
   add("Cross-Origin-Resource-Policy", "same-origin");
   if (reply.type.starts_with("text/html")) {
-    add("Content-Security-Policy", kPageRules.data());
+    const bool own = std::ranges::any_of(reply.headers, [](const auto& header) {
+      return header.first == "Content-Security-Policy";
+    });
+    if (!own) add("Content-Security-Policy", kPageRules.data());
     add("Referrer-Policy", "no-referrer");
   }
   if (reply.status == MHD_HTTP_UNAUTHORIZED) {
@@ -115,7 +123,7 @@ MHD_Result Exchange::go_on(const char* upload, size_t* upload_size) {
     return refusal ? send(*std::move(refusal)) : MHD_YES;
   }
   if (*upload_size != 0) {
-    if (method_ == MHD_HTTP_METHOD_POST) request_.body.append(upload, *upload_size);
+    if (takes_body(method_)) request_.body.append(upload, *upload_size);
     *upload_size = 0;  // another's body is one that nobody asked for
     // Without a length it could not be judged before.
     return request_.body.size() <= HttpServer::kMostBody ? MHD_YES : MHD_NO;
@@ -181,7 +189,7 @@ std::optional<HttpReply> Exchange::judge_user() {
 }
 
 std::optional<HttpReply> Exchange::judge_body() const {
-  if (method_ != MHD_HTTP_METHOD_POST) return std::nullopt;
+  if (!takes_body(method_)) return std::nullopt;
   const std::string length = header(MHD_HTTP_HEADER_CONTENT_LENGTH);
   uint64_t bytes = 0;
   const auto [end, error] = std::from_chars(length.data(), length.data() + length.size(), bytes);

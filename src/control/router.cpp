@@ -118,6 +118,48 @@ HttpReply mark(const HttpContent& content, const Request& request, const std::st
   return done(request, text ? content.mark_recording(*text) : Status(text.error()), 202);
 }
 
+// An order whose outcome comes later is in the log then.
+HttpReply told(const Request& request, HttpReply reply) {
+  if (!reply.later) {
+    const bool good = reply.status < 300;
+    const std::string who = request.user.empty() ? "" : " by " + request.user;
+    log::info("http: {}{}{}", request.path, who,
+              good ? "" : " refused: " + reply.body.substr(0, reply.body.find('\n')));
+    return reply;
+  }
+  reply.later = [request, later = std::move(reply.later)]() -> std::optional<HttpReply> {
+    auto made = later();
+    return made ? std::optional(told(request, *std::move(made))) : std::nullopt;
+  };
+  return reply;
+}
+
+HttpReply set_overlay(const HttpContent& content, const Request& request, const std::string&) {
+  if (!content.set_overlay) return missing();
+  const auto wanted = parse_overlay(request.body);
+  return told(request, wanted ? content.set_overlay(*wanted) : HttpReply::error(wanted.error()));
+}
+
+HttpReply reset_overlay(const HttpContent& content, const Request& request, const std::string&) {
+  return content.reset_overlay ? told(request, content.reset_overlay()) : missing();
+}
+
+HttpReply accept(const HttpContent& content, const Request& request, const std::string&) {
+  if (!content.accept_calibration) return missing();
+  const auto cameras = parse_cameras(request.body);
+  return told(request,
+              cameras ? content.accept_calibration(*cameras) : HttpReply::error(cameras.error()));
+}
+
+template <std::function<HttpReply()> HttpContent::*kMaker>
+HttpReply made(const HttpContent& content, const Request&, const std::string&) {
+  return content.*kMaker ? (content.*kMaker)() : missing();
+}
+
+HttpReply object_mesh(const HttpContent& content, const Request&, const std::string& name) {
+  return content.object_mesh ? content.object_mesh(name) : missing();
+}
+
 HttpReply recording_file(const HttpContent& content, const Request& request,
                          const std::string& path) {
   if (!content.recording_file) return missing();
@@ -149,6 +191,16 @@ constexpr std::array kRoutes{
     Route{"GET", "/api/v1/cameras/{name}", kView, one<&HttpContent::camera_json>},
     Route{"GET", "/api/v1/objects", kView, list<&HttpContent::objects_json>},
     Route{"GET", "/api/v1/objects/{name}", kView, one<&HttpContent::object_json>},
+    Route{"GET", "/api/v1/objects/{name}/mesh", kView, object_mesh},
+    Route{"GET", "/api/v1/scene", kView, list<&HttpContent::scene_json>},
+    Route{"GET", "/api/v1/scene/mesh", kView, made<&HttpContent::scene_mesh>},
+    Route{"GET", "/api/v1/points", kView, list<&HttpContent::points_json>},
+    Route{"GET", "/api/v1/overlay", kView, list<&HttpContent::overlay_json>},
+    Route{"PUT", "/api/v1/overlay", kOperate, set_overlay},
+    Route{"DELETE", "/api/v1/overlay", kOperate, reset_overlay},
+    Route{"GET", "/api/v1/calibration", kView, list<&HttpContent::calibration_json>},
+    Route{"GET", "/api/v1/calibration/report", kView, made<&HttpContent::calibration_report>},
+    Route{"POST", "/api/v1/calibration/accept", kOperate, accept},
     Route{"GET", "/api/v1/poses", kView, list<&HttpContent::poses_json>},
     Route{"GET", "/api/v1/events", kView, events},
     Route{"GET", "/api/v1/pictures", kView, pictures<&HttpContent::pictures>},

@@ -23,11 +23,11 @@ struct Request {
 
 /// One line of what is served.
 struct Route {
-  std::string_view method;   ///< "GET" (HEAD too), "POST" or "DELETE"
+  std::string_view method;   ///< "GET" (HEAD too), "POST", "PUT" or "DELETE"
   std::string_view pattern;  ///< "{name}" stands for one part of a path, "{path}" for two
   Role role;                 ///< that it takes at least
   HttpReply (*answer)(const HttpContent&, const Request&, const std::string& name);
-  std::string_view body = "application/json";  ///< that POST takes
+  std::string_view body = "application/json";  ///< that POST and PUT take
 };
 std::span<const Route> routes();
 

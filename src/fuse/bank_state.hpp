@@ -89,6 +89,7 @@ struct BankState {
   // Of the last set alone.
   CameraSet gated = 0;
   int iterations = 0;
+  double residual = 0;
   bool started = false;
   bool reset = false;
 };

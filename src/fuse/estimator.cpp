@@ -165,6 +165,7 @@ UpdateReport ObjectEstimator::process(std::span<const Observation> set) {
   report.gated = after.gated;
   report.hypotheses = after.count;
   report.iterations = after.iterations;
+  report.residual = after.residual;
   report.reset = after.reset;
   while (impl.buffer.overfull()) {
     impl.history.add(impl.buffer.entry(0).after.published);

@@ -35,8 +35,9 @@ TEST(OpenApi, DescribesEveryPathThatIsServedWithItsRole) {
   std::set<std::string> documented, served;
   for (const auto& [path, methods] : described["paths"].items()) {
     for (const auto& [method, what] : methods.items()) {
-      const std::string verb = method == "get" ? "GET " : method == "post" ? "POST " : "DELETE ";
-      const std::string name = verb + path;
+      std::string name = method + " " + path;
+      std::ranges::transform(name.begin(), name.begin() + static_cast<int>(method.size()),
+                             name.begin(), [](unsigned char c) { return std::toupper(c); });
       documented.insert(name + " " + what["x-role"].get<std::string>());
     }
   }

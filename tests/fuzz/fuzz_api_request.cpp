@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What HTTP clients send, by its first byte: a body, a query, a path, headers, a file of tokens.
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -28,6 +29,12 @@ void body(std::string_view text) {
     SL_CHECK(std::get<HintRequest::Place>(hint->where).pixel.allFinite(), "finite");
   }
   (void)parse_nothing(text);
+  const auto order = parse_recording_order(text, true);
+  SL_CHECK(!order || !order->seconds || (*order->seconds >= 1 && *order->seconds <= 86400), "time");
+  const auto mark = parse_mark(text);
+  SL_CHECK(!mark || mark->size() <= 1000, "a mark has an end");
+  (void)parse_overlay(text);
+  (void)parse_cameras(text);
 }
 
 void query(std::string_view text) {
@@ -46,10 +53,12 @@ void query(std::string_view text) {
 }
 
 void path(std::string_view text) {
-  for (const char* const method : {"GET", "POST", "DELETE"}) {
+  for (const char* const method : {"GET", "POST", "PUT", "DELETE"}) {
     const Match found = match(method, text);
     SL_CHECK(found.route == nullptr || found.route->method == method, "of that method");
-    SL_CHECK(found.name.find('/') == std::string::npos, "one part of a path");
+    const auto slashes = std::ranges::count(found.name, '/');
+    const bool two = found.route != nullptr && found.route->pattern.ends_with("{path}");
+    SL_CHECK(slashes == (two ? 1 : 0), "as many parts of a path as the pattern has");
   }
 }
 

@@ -59,6 +59,19 @@ class Metrics(DaemonCase):
         self.assertGreater(daemon.metric("sightline_encoded_bytes_total", camera="left"), 10000)
         self.assertEqual(daemon.stop(), 0)
 
+    def test_how_well_objects_are_known_and_how_full_queues_are(self):
+        daemon = self.start()
+        known = lambda name, **labels: daemon.find_metric(name, object="carton", **labels)
+        wait_until(lambda: known("sightline_object_measured_by", camera="left") == 1, "left takes part")
+        self.assertTrue(0.05 < known("sightline_object_residual_sigmas") < 5, known("sightline_object_residual_sigmas"))
+        self.assertTrue(1e-5 < known("sightline_object_sigma_meters") < 0.1)
+        self.assertTrue(1e-5 < known("sightline_object_sigma_radians") < 0.5)
+        # Three cameras at 30 Hz: within half a second something has waited.
+        wait_until(lambda: daemon.metric("sightline_queue_depth", queue="fuse") >= 1, "observations wait")
+        self.assertEqual(daemon.metric("sightline_queue_depth", queue="rec:viewing"), 0)
+        self.assertIsNone(daemon.find_metric("sightline_queue_depth", queue="record"))
+        self.assertEqual(daemon.stop(), 0)
+
     def asked_for(self):
         """Names of metrics in rules and dashboard."""
         rules = read_text(os.path.join(MONITORING, "alerts.yml"))

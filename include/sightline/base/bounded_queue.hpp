@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
@@ -30,6 +31,7 @@ class BoundedQueue {
         ++dropped_;
       }
       values_.push_back(std::move(value));
+      peak_ = std::max(peak_, values_.size());
     }
     ready_.notify_one();
     return dropped;
@@ -49,6 +51,11 @@ class BoundedQueue {
     std::lock_guard lock(mutex_);
     return values_.size();
   }
+  /// The most that waited at once since the last call.
+  size_t take_peak() {
+    std::lock_guard lock(mutex_);
+    return std::exchange(peak_, values_.size());
+  }
   uint64_t dropped() const {
     std::lock_guard lock(mutex_);
     return dropped_;
@@ -60,6 +67,7 @@ class BoundedQueue {
   std::condition_variable_any ready_;
   std::deque<T> values_;
   uint64_t dropped_ = 0;
+  size_t peak_ = 0;
 };
 
 }  // namespace sightline

@@ -15,6 +15,7 @@
 #include "sightline/config/record_config.hpp"
 #include "sightline/config/scene_config.hpp"
 #include "sightline/config/watch_config.hpp"
+#include "sightline/config/zone_config.hpp"
 #include "sightline/control/http_server.hpp"
 #include "sightline/fuse/estimator.hpp"
 #include "sightline/geometry/camera_model.hpp"
@@ -130,6 +131,7 @@ struct Installation {
   EncoderOptions encoder;  ///< bitrate_kbps, keyframe_interval, prefer; the rest is the camera's
   HttpConfig http;
   RecordConfig record;
+  std::vector<ZoneConfig> zones;
   MqttOptions mqtt;
   ActionConfig action;
   WatchConfig watch;
@@ -161,9 +163,8 @@ struct InstallationFiles {
   std::function<Result<uint64_t>(const std::filesystem::path&)> tokens;
   /// The same of certificate and key.
   std::function<Result<uint64_t>(const TlsFiles&)> tls;
-  /// For the calibration itself: cameras need none, and a file of it that is missing is no mistake.
-  /// Sources then have the size that `width` and `height` say, else that of an earlier calibration,
-  /// else the camera's own; virtual cameras are left out.
+  /// For the calibration itself: cameras need none, a missing file is no mistake, virtual cameras
+  /// are left out. The size is what the file says, else an earlier calibration, else the camera.
   bool uncalibrated = false;
 
   static InstallationFiles on_disk();
@@ -205,7 +206,7 @@ struct InstallationChanges {
   bool observe = false;   ///< options of markers, search, tracking or points
   bool scene = false, render = false, estimator = false, action = false;
   bool rtsp = false, encoder = false, http = false, record = false, mqtt = false, daemon = false;
-  bool watch = false;
+  bool watch = false, zones = false;
 
   bool operator==(const InstallationChanges&) const = default;
 

@@ -96,6 +96,12 @@ struct RecordingOrder {
   std::optional<double> seconds{};  ///< then it ends by itself
 };
 
+/// How objects are to be drawn from now on.
+struct OverlayRequest {
+  std::string camera;  ///< or virtual camera; empty: all
+  std::string keys;    ///< of [overlay] in the installation file, as TOML
+};
+
 /// What a browser offers to play a camera by WebRTC (WHEP).
 struct WhepRequest {
   std::string camera;
@@ -118,6 +124,20 @@ struct HttpContent {
   std::function<Status(const std::string& object, const HintRequest&)> hint{};
   std::function<Status(const std::string& object)> forget{};
   std::function<Status()> reload{};  ///< asks for one; how it went is in the state
+
+  std::function<std::string()> overlay_json{};
+  std::function<HttpReply(const OverlayRequest&)> set_overlay{};
+  std::function<HttpReply()> reset_overlay{};  ///< to that of the file
+
+  std::function<std::string()> scene_json{}, points_json{};
+  /// A mesh as docs/api.md describes; of the object of that name, or of the static scene.
+  std::function<HttpReply(const std::string& object)> object_mesh{};
+  std::function<HttpReply()> scene_mesh{};
+
+  std::function<std::string()> calibration_json{};
+  std::function<HttpReply()> calibration_report{};  ///< a page
+  /// Takes over what is proposed for these cameras; empty: for all.
+  std::function<HttpReply(const std::vector<std::string>& cameras)> accept_calibration{};
 
   std::function<std::string()> recordings_json{};
   std::function<Status(const RecordingOrder&)> start_recording{}, stop_recording{};

@@ -70,6 +70,7 @@ struct UpdateReport {
   CameraSet gated = 0;     ///< cameras that contradict the rest and were refused
   int hypotheses = 0;      ///< poses still possible
   int iterations = 0;      ///< of the update (best hypothesis)
+  double residual = 0;     ///< root mean square of the accepted [standard deviations]
   bool late = false;       ///< inserted before sets that were processed already
   bool dropped = false;    ///< too late or a duplicate; nothing changed
   bool reset = false;      ///< the estimate jumped to a pose that the cameras agree on

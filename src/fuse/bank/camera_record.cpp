@@ -142,9 +142,11 @@ bool record_observations(Time time, std::span<const Observation> set, const Outc
     if (!record.seen) continue;
     if (options.learn_systematic)
       add_innovation(best->innovations[camera_slot(observation.camera)], options, record);
-    record.scale +=
-        kScaleSmoothing * (best->normalized_cost[camera_slot(observation.camera)] - record.scale);
+    const double cost = best->normalized_cost[camera_slot(observation.camera)];
+    record.scale += kScaleSmoothing * (cost - record.scale);
+    state.residual += cost / std::popcount(accepted);
   }
+  state.residual = std::sqrt(state.residual);
   if (accepted != 0 && options.learn_systematic) {
     state.bias_share = bias_share(holding_cameras(time, options, state), options, state);
   }

@@ -48,6 +48,7 @@ void HypothesisBank::step(const BankState& before, Time time,
   after = before;
   after.gated = 0;
   after.iterations = 0;
+  after.residual = 0;
   after.started = after.reset = false;
   expire(time, options_, after);
   const bool refuted_now = refuted(time, observations, after);

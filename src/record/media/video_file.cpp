@@ -76,7 +76,11 @@ Status VideoFile::start(const AVCodecParameters& parameters, double rate_hz, Con
   // Fragments end where flush() says, and each says itself where it belongs.
   if (mp4) av_dict_set(&options, "movflags", "empty_moov+default_base_moof+frag_custom", 0);
   // Gray deeper than 8 bits and RGB have no native form in Matroska; this is how FFmpeg keeps them.
-  if (!mp4) av_dict_set(&options, "allow_raw_vfw", "1", 0);
+  if (!mp4) {
+    av_dict_set(&options, "allow_raw_vfw", "1", 0);
+    // Of each cluster: most of what it costs to write raw images, and no reader asks for it.
+    av_dict_set(&options, "write_crc32", "0", 0);
+  }
   code = avformat_write_header(format_, &options);
   av_dict_free(&options);
   started_ = code >= 0;

@@ -111,25 +111,25 @@ Status check_transport(const GstSDPMessage& message, const GstSDPMedia& media) {
   return {};
 }
 
-}  // namespace
-
-Result<ViewerOffer> read_offer(const std::string& sdp) {
-  if (sdp.size() > kLargest || sdp.find('\0') != std::string::npos || !sdp.starts_with("v=0")) {
-    return refusal("that is no SDP offer");
-  }
+SdpPtr parse(const char* text) {
   GstSDPMessage* raw = nullptr;
-  if (gst_sdp_message_new_from_text(sdp.c_str(), &raw) != GST_SDP_OK) {
-    if (raw != nullptr) gst_sdp_message_free(raw);
-    return refusal("that is no SDP offer");
-  }
-  const SdpPtr message(raw);
-  const guint count = gst_sdp_message_medias_len(message.get());
+  const bool good = gst_sdp_message_new_from_text(text, &raw) == GST_SDP_OK;
+  SdpPtr message(raw);
+  if (!good) return nullptr;
+  // The parser takes the last of several lines v=.
+  const char* const version = gst_sdp_message_get_version(message.get());
+  return version != nullptr && std::string_view(version) == "0" ? std::move(message) : nullptr;
+}
+
+// Takes candidates out on the way.
+Result<ViewerOffer> judge(GstSDPMessage& message) {
+  const guint count = gst_sdp_message_medias_len(&message);
   if (count == 0 || count > kMostMedia) return refusal("the offer has no media, or too many");
   ViewerOffer offer;
   bool found = false;
   for (guint i = 0; i < count; ++i) {
-    auto& media = const_cast<GstSDPMedia&>(*gst_sdp_message_get_media(message.get(), i));
-    SL_RETURN_IF_ERROR(check_transport(*message, media));
+    auto& media = const_cast<GstSDPMedia&>(*gst_sdp_message_get_media(&message, i));
+    SL_RETURN_IF_ERROR(check_transport(message, media));
     remove_candidates(media);
     if (found || std::string_view(gst_sdp_media_get_media(&media)) != "video" ||
         gst_sdp_media_get_attribute_val(&media, "sendonly") != nullptr ||
@@ -143,11 +143,27 @@ Result<ViewerOffer> read_offer(const std::string& sdp) {
     offer.payload_type = format->type;
     offer.profile = std::move(format->profile);
   }
-  if (!found) {
-    return refusal("the offer does not want to receive H.264 with packetization-mode=1");
+  if (found) return offer;
+  return refusal("the offer does not want to receive H.264 with packetization-mode=1");
+}
+
+}  // namespace
+
+Result<ViewerOffer> read_offer(const std::string& sdp) {
+  if (sdp.size() > kLargest || sdp.find('\0') != std::string::npos || !sdp.starts_with("v=0")) {
+    return refusal("that is no SDP offer");
   }
+  const SdpPtr message = parse(sdp.c_str());
+  if (!message) return refusal("that is no SDP offer");
+  SL_ASSIGN(ViewerOffer offer, judge(*message));
   const GStringPtr text(gst_sdp_message_as_text(message.get()));
   offer.sdp = text.get();
+  // What is handed on is read once more: it has to say what was judged.
+  const SdpPtr again = parse(text.get());
+  const auto same = again ? judge(*again) : Result<ViewerOffer>(refusal(""));
+  if (!same || same->media_line != offer.media_line || same->payload_type != offer.payload_type) {
+    return refusal("that is no SDP offer");
+  }
   return offer;
 }
 

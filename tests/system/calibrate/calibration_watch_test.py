@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The watch over the cameras' places in a running daemon. The recording's calibration is exact, so a copy of it with one
 camera turned is the same to the daemon as a camera that was turned the other way."""
+import json
 import math
 import os
 import re
@@ -10,6 +11,7 @@ import tomllib
 import unittest
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
+from api_test import Client  # noqa: E402
 from support import BENCH, DaemonCase, installation, read_text, sightline, wait_until  # noqa: E402
 
 TURN_DEG = 0.5
@@ -107,6 +109,25 @@ class Watch(DaemonCase):
         # What was proposed for the calibration before is none for this one.
         _, error = sightline("calibrate", "accept", "--config", self.config, status=2)
         self.assertIn("nothing is proposed", error)
+
+    def test_an_operator_accepts_the_new_place_over_http(self):
+        calibration = self.turned_calibration("side")
+        daemon = self.start(self.installation_with(calibration))
+        client = Client(daemon.http)
+        self.wait_for_state(daemon, "side", "knocked")
+        truth = places(f"{BENCH}/calibration.toml")["side"]
+        proposal = lambda: json.loads(client.get("/api/v1/calibration")[2]).get("proposal", "")
+        wait_until(lambda: os.path.exists(proposal()) and error_deg(places(proposal())["side"], truth) < 0.2 * TURN_DEG,
+                   "the proposal is near the truth")
+        status, answer = client.post("/api/v1/calibration/accept", {"cameras": ["left"]})
+        self.assertEqual(status, 400)
+        self.assertIn('no other place for camera "left"', answer["error"])
+        status, answer = client.post("/api/v1/calibration/accept", {"cameras": ["side"]})
+        self.assertEqual((status, [camera["name"] for camera in answer["cameras"]]), (202, ["side"]), answer)
+        self.assertLess(error_deg(places(calibration)["side"], truth), 0.2 * TURN_DEG)
+        self.assertTrue(os.path.exists(answer["kept"]))
+        self.wait_for_state(daemon, "side", "in_order")
+        self.assertNotIn("proposal", json.loads(client.get("/api/v1/calibration")[2]))
 
     def test_it_recovers_by_itself_if_asked(self):
         calibration = self.turned_calibration("side")

@@ -10,8 +10,9 @@ import sys
 import unittest
 import urllib.request
 
-from browser import Browser, chromium
-from support import BENCH, WAIT_S, DaemonCase, installation, read_text, wait_until
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
+from browser import Browser, chromium  # noqa: E402
+from support import BENCH, WAIT_S, DaemonCase, installation, read_text, wait_until  # noqa: E402
 
 ROUNDS = 100
 VANISHING = 20

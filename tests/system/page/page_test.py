@@ -8,8 +8,9 @@ import signal
 import sys
 import unittest
 
-from browser import Browser, chromium
-from support import BENCH, DaemonCase, installation, wait_until
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
+from browser import Browser, chromium  # noqa: E402
+from support import BENCH, DaemonCase, installation, wait_until  # noqa: E402
 
 SHOTS = os.environ.get("SIGHTLINE_SCREENSHOTS")
 COLORS = "(() => {{ const from = document.querySelector('[data-camera={}] {}'), c = new OffscreenCanvas(640, 480)," \
@@ -95,7 +96,7 @@ class Page(DaemonCase):
         self.assertLessEqual(browser.run("document.documentElement.scrollWidth"), 390)
         self.shot(browser, "phone", whole=True)
         names = browser.accessible_names()
-        for expected in (("button", "Enlarge left"), ("button", "Say where carton is, in a picture"),
+        for expected in (("button", "Enlarge left"), ("button", "Say where it is: carton, in a picture"),
                          ("button", "Forget where carton is"), ("article", "Camera side"), ("article", "Object carton")):
             self.assertIn(expected, names)
         self.assertEqual([name for name in names if name[0] in ("button", "link", "image", "img", "article") and not name[1]], [])
@@ -181,7 +182,7 @@ class Page(DaemonCase):
         self.assertIn("carton/hint refused", daemon.log_text())
         browser.run("document.querySelector('[data-object=carton] .do button + button').click()")
         browser.wait_for(f"/carton forgotten/.test({events})", "it is forgotten")
-        self.assertIn("carton: forgotten", daemon.log_text())
+        wait_until(lambda: "carton: forgotten" in daemon.log_text(), "the daemon says so")
         # A refused order is an error of the network to the browser, and nothing else is.
         self.assertEqual([problem for problem in browser.problems if "400" not in problem], [])
 
