@@ -13,6 +13,7 @@
 #include "figures.hpp"
 #include "sightline/observe/detect/object_detector.hpp"
 #include "sightline/observe/features/feature_detector.hpp"
+#include "sightline/pipeline/replay_library.hpp"
 #include "sightline/pipeline/rig.hpp"
 #include "sightline/record/evaluate.hpp"
 #include "sightline/record/replay.hpp"
@@ -113,7 +114,8 @@ Result<Score> play(const Arguments& arguments) {
   const auto cameras = chosen_cameras(installation, arguments.cameras);
   SL_ASSIGN(auto finder, FeatureDetector::create(object.features, cameras));
   SL_ASSIGN(auto detector, ObjectDetector::create(ObjectId(0), object.views, cameras));
-  SL_ASSIGN(auto replay, VirtualReplay::open(recording));
+  SL_ASSIGN(auto replay,
+            VirtualReplay::open(recording, {}, time_offsets(*recording, installation)));
   Score score;
   std::optional<Time> start;
   for (size_t set = 0;; ++set) {

@@ -13,6 +13,7 @@
 #include <map>
 
 #include "figures.hpp"
+#include "sightline/pipeline/replay_library.hpp"
 #include "sightline/pipeline/tracking_chain.hpp"
 #include "sightline/record/evaluate.hpp"
 #include "sightline/record/replay.hpp"
@@ -69,7 +70,8 @@ class Run {
   }
 
   Status play() {
-    SL_ASSIGN(auto replay, VirtualReplay::open(recording_));
+    SL_ASSIGN(auto replay,
+              VirtualReplay::open(recording_, {}, time_offsets(*recording_, installation_)));
     for (;;) {
       SL_ASSIGN(const auto frames, replay->next());
       if (!frames) break;

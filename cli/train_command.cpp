@@ -18,6 +18,7 @@
 #include "sightline/config/object_file.hpp"
 #include "sightline/observe/features/feature_trainer.hpp"
 #include "sightline/pipeline/mesh_depth_renderer.hpp"
+#include "sightline/pipeline/replay_library.hpp"
 #include "sightline/pipeline/rig_parts.hpp"
 #include "sightline/record/pose_log.hpp"
 #include "sightline/record/replay.hpp"
@@ -147,7 +148,8 @@ Result<Trained> train_from_recording(const TrainCommandOptions& options) {
                        make_scene_depth(rig, CameraId(static_cast<uint32_t>(i))), 0});
   }
   FeatureTrainer trainer(mesh_content(*object->triangles));
-  SL_ASSIGN(auto replay, VirtualReplay::open(recording));
+  SL_ASSIGN(auto replay,
+            VirtualReplay::open(recording, {}, time_offsets(*recording, installation)));
   ProgressBar bar("train", recording->frame_count());
   Trained trained;
   std::optional<Time> start;

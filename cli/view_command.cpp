@@ -15,6 +15,7 @@
 #include "progress.hpp"
 #include "report.hpp"
 #include "sightline/base/log.hpp"
+#include "sightline/pipeline/replay_library.hpp"
 #include "sightline/pipeline/replay_pipeline.hpp"
 
 namespace sightline::cli {
@@ -133,7 +134,8 @@ Result<size_t> run(const ViewCommandOptions& options) {
   const Duration period = recording->cameras.front().frame_period();
   SL_ASSIGN(auto writer, ViewWriter::create(options, installation, pipeline->rig(),
                                             period > Duration(0) ? 1 / to_seconds(period) : 30));
-  SL_ASSIGN(auto replay, VirtualReplay::open(recording));
+  SL_ASSIGN(auto replay,
+            VirtualReplay::open(recording, {}, time_offsets(*recording, installation)));
   ProgressBar bar("view", recording->frame_count());
   std::optional<Time> start;
   Time last{}, drawn{};

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "order_desk.hpp"
-#include "system/overlay_desk.hpp"
+#include "order_queue.hpp"
+#include "system/overlay_overrides.hpp"
 #include "system/system_builder.hpp"
 #include "system/wait_report.hpp"
 
@@ -83,6 +83,7 @@ class Daemon {
   void add_orders();
   /// The running system with another overlay: `change` of its installation.
   HttpReply restyle(const std::function<Status(Installation&)>& change);
+  HttpReply scene_mesh();
   HttpReply accept_calibration(const std::vector<std::string>& cameras);
   Status replace(Installation next, std::stop_token stop);
   Status exchange(const System& old, SystemDraft draft);
@@ -101,9 +102,11 @@ class Daemon {
   SourceFactory sources_{registry_};
   const std::shared_ptr<HttpWaker> waker_;
   SystemContext context_;  // complete after prepare_web()
-  OrderDesk orders_;
-  OverlayDesk overlays_;
-  std::stop_token orders_stop_;  // the control thread's
+  OrderQueue orders_;
+  OverlayOverrides overlays_;
+  std::stop_token orders_stop_;  // the control thread's, as the next two
+  std::weak_ptr<const Rig> scene_mesh_of_;
+  HttpReply scene_mesh_;
 
   WaitReport wait_report_{registry_};
   Snapshot<const System> system_;        // never null inside

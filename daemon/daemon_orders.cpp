@@ -6,6 +6,7 @@
 #include "daemon.hpp"
 #include "sightline/base/log.hpp"
 #include "sightline/pipeline/calibration_proposal.hpp"
+#include "sightline/pipeline/last_poses.hpp"
 #include "web/calibration_json.hpp"
 #include "web/scene_json.hpp"
 
@@ -28,9 +29,7 @@ void Daemon::add_orders() {
     });
   };
   // A large scene is simplified first.
-  http.scene_mesh = [this] {
-    return orders_.take([this] { return scene_mesh_reply(*system_.read()); });
-  };
+  http.scene_mesh = [this] { return orders_.take([this] { return scene_mesh(); }); };
   http.calibration_report = [this] {
     return orders_.take([this] { return calibration_report_reply(system_.read()->installation); });
   };
@@ -42,6 +41,15 @@ void Daemon::add_orders() {
 void Daemon::do_orders(std::stop_token stop) {
   orders_stop_ = std::move(stop);
   orders_.work();
+}
+
+HttpReply Daemon::scene_mesh() {
+  const auto system = system_.read();
+  if (!system->rig || scene_mesh_of_.lock() != system->rig) {
+    scene_mesh_ = scene_mesh_reply(*system);
+    scene_mesh_of_ = system->rig;
+  }
+  return scene_mesh_;
 }
 
 HttpReply Daemon::restyle(const std::function<Status(Installation&)>& change) {
@@ -64,6 +72,10 @@ HttpReply Daemon::accept_calibration(const std::vector<std::string>& cameras) {
   std::error_code error;
   if (proposal.empty() || !std::filesystem::exists(proposal, error)) {
     return HttpReply::error(404, "no camera is known to have moved: nothing is proposed");
+  }
+  // A correction that is in the file already would be applied once more.
+  if (proposal != proposal_file(system->installation.calibration, state_folder())) {
+    return HttpReply::error(409, "the calibration has changed since it was loaded: reload first");
   }
   const auto accepted = accept_proposal(system->installation.calibration, proposal, cameras);
   if (!accepted) return HttpReply::error(accepted.error());

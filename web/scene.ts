@@ -280,6 +280,7 @@ export class ScenePanel {
       labels.push([[zone.min[0], zone.min[1], zone.max[2]], zone.name, look]);
     }
     this.drawLabels(view, labels, scale);
+    this.canvas.dataset.view = [this.turn, this.tilt, this.distance].map((v) => v.toFixed(4)).join(" ");
     this.canvas.dataset.frames = String(Number(this.canvas.dataset.frames ?? 0) + 1);
   }
 

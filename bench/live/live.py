@@ -3,16 +3,18 @@
 """The daemon on recordings in real time, from nothing, judged by what it records itself:
 
     bench/live/live.py [--bin build/release/bin] [--runs N] [--modalities region,edge,texture] [--extra LINES]
-                       [--copies N] [--unplugged CAMERA|first] [--compilers N] [--json] RECORDING ...
+                       [--copies N] [--only CAMERA] [--unplugged CAMERA|first] [--compilers N] [--json] RECORDING ...
 
 Each run starts sightlined with the recording's cameras played once at their own pace, lets it record its poses, maps
 their capture times back onto the recording's (frames.csv of both) and compares them with truth.csv or keyframes.csv
 (`sightline evaluate`). Prints a row per run and the medians, with the load average before it: a busy machine finds
-less. --copies: every camera so many times (a rig of twice as many cameras); --unplugged: this camera of every recording
-never gives a frame; --compilers: so many compilers run beside it. Exits 0 if every run could be judged, 1 if one could
-not (standard error says why; the others count), 2 for bad input."""
+less. --copies: every camera so many times (a rig of twice as many cameras); --only: the rig has this camera of the
+recording alone; --unplugged: this camera of every recording never gives a frame; --compilers: so many compilers run
+beside it. Exits 0 if every run could be judged, 1 if one could not (standard error says why; the others count), 2 for
+bad input."""
 import contextlib
 import csv
+import dataclasses
 import json
 import os
 import pathlib
@@ -31,6 +33,15 @@ from recording_tools import (MODALITIES, evaluate, load_recording, object_text, 
 START_S = 90   # until the daemon serves
 STOP_S = 30
 TAIL_S = 1.0   # after the last frame
+
+
+def seen_by(recording, only):
+    """The recording of one of its cameras alone; ValueError if there is no such."""
+    if not only:
+        return recording
+    if only not in recording.videos:
+        raise ValueError(f"{recording.name} has no camera '{only}'; its cameras: {', '.join(recording.cameras)}")
+    return dataclasses.replace(recording, videos={only: recording.videos[only]})
 
 
 def unplugged_camera(recording, wanted):
@@ -241,10 +252,12 @@ def parse_arguments():
     parser.add_argument("--extra", default="", help="further lines of the configuration's head")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--copies", type=int, default=1)
+    parser.add_argument("--only", default="", metavar="CAMERA")
     parser.add_argument("--unplugged", default="", metavar="CAMERA|first")
     parser.add_argument("--compilers", type=int, default=0)
     options = parser.parse_args()
     try:
+        options.recordings = [seen_by(recording, options.only) for recording in options.recordings]
         return options, [unplugged_camera(recording, options.unplugged) for recording in options.recordings]
     except ValueError as error:
         parser.error(str(error))

@@ -6,6 +6,7 @@
 #include <atomic>
 #include <cstdio>
 #include <cstdlib>
+#include <functional>
 #include <memory>
 #include <optional>
 
@@ -165,21 +166,37 @@ Status watch(const CaptureSession& session, const Signals& signals,
   }
 }
 
-/// Solves what there is; a second signal gives that up, and what was taken is on the disk.
-Result<SolvedRig> solve_last(const CalibrationViews& views, const SolveOptions& options,
-                             const Signals& signals) {
+/// Runs what cannot be asked to stop; a signal meanwhile ends the program. What was taken is on the
+/// disk by then.
+void run_unless_asked(const Signals& signals, const std::function<void()>& work,
+                      const std::function<void(const std::string& what)>& on_failure) {
   std::atomic<bool> done{false};
-  std::optional<Result<SolvedRig>> solved;
-  const std::jthread solver = start_thread("solve", [&](const std::stop_token&) {
-    solved.emplace(solve_and_assess(views, options));
-    done = true;
-  });
+  const std::jthread worker = start_thread(
+      "solve",
+      [&](const std::stop_token&) {
+        work();
+        done = true;
+      },
+      [&](const std::string& what) {
+        on_failure(what);
+        done = true;
+      });
   while (!done) {
     if (signals.wait(kTurn) == 0) continue;
     std::fprintf(stderr, "sightline: given up; corners.csv has what was taken\n");
     std::fflush(nullptr);
-    std::_Exit(1);  // the solver cannot be asked to stop
+    std::_Exit(1);
   }
+}
+
+Result<SolvedRig> solve_last(const CalibrationViews& views, const SolveOptions& options,
+                             const Signals& signals) {
+  std::optional<Result<SolvedRig>> solved;
+  run_unless_asked(
+      signals, [&] { solved.emplace(solve_and_assess(views, options)); },
+      [&](const std::string& what) {
+        solved.emplace(make_error(ErrorCode::kInternal, "solving", "{}", what));
+      });
   return *std::move(solved);
 }
 
@@ -194,11 +211,13 @@ Status capture(const CaptureCommandOptions& o) {
   SL_ASSIGN(const CaptureSessionOptions options, session_options(o, target, names));
   SL_ASSIGN(const auto session, CaptureSession::start(rig, chosen, options));
   const Status watched = watch(*session, signals, names, o);
-  session->stop();
+  const auto at_the_end = session->solved();
+  const CaptureState state = session->state();
+  run_unless_asked(
+      signals, [&] { session->stop(); }, [](const std::string&) {});
   SL_RETURN_IF_ERROR(keep(*session, names, o.out, true));
   SL_RETURN_IF_ERROR(watched);
-  const CaptureState state = session->state();
-  CalibrationViews views = session->views();
+  const CalibrationViews views = session->views();
   if (views.sets == 0) {
     return make_error(ErrorCode::kInvalidInput, "", "nothing was taken: {}",
                       next_words(state, names));
@@ -208,9 +227,9 @@ Status capture(const CaptureCommandOptions& o) {
     return {};
   }
   std::optional<SolvedRig> solved;
-  if (const auto passed = session->solved(); passed && state.passed) {
-    views = passed->views;
-    solved = passed->rig;
+  // Of all sets: what came after the solution is not thrown away.
+  if (at_the_end && state.passed && at_the_end->views.sets == views.sets) {
+    solved = at_the_end->rig;
   } else {
     if (!state.passed) std::fprintf(stderr, "left open: %s\n", state.advice.words.c_str());
     SL_ASSIGN(solved, solve_last(views, options.solve, signals));

@@ -6,6 +6,7 @@
 #include "sightline/base/time.hpp"
 #include "sightline/config/object_file.hpp"
 #include "sightline/pipeline/object_search.hpp"
+#include "sightline/pipeline/replay_library.hpp"
 #include "sightline/record/replay.hpp"
 
 namespace sightline::cli {
@@ -245,7 +246,9 @@ Result<std::vector<TruthRow>> truth_of(const std::filesystem::path& file,
 
 Status play(const SetSearchOptions& options, const std::shared_ptr<const Recording>& recording,
             SetSearcher& searcher, bool needs_truth, size_t every, const OnSet& on_set) {
-  SL_ASSIGN(auto replay, VirtualReplay::open(recording));
+  const Installation& installation = *searcher.object().installation;
+  SL_ASSIGN(auto replay,
+            VirtualReplay::open(recording, {}, time_offsets(*recording, installation)));
   std::vector<FramePtr> newest(recording->cameras.size());
   for (size_t judged = 0, done = 0; done < options.limit;) {
     SL_ASSIGN(const auto frames, replay->next());

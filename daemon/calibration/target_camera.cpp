@@ -23,10 +23,11 @@ std::unique_ptr<TargetCamera> TargetCamera::start(Parts parts) {
   std::unique_ptr<TargetCamera> camera(new TargetCamera(std::move(parts)));
   TargetCamera* raw = camera.get();
   const std::string& name = raw->parts_.name;
-  raw->find_thread_ =
-      start_thread("find:" + name, [raw](const std::stop_token& stop) { raw->find(stop); });
-  raw->capture_thread_ =
-      start_thread("cap:" + name, [raw](const std::stop_token& stop) { raw->capture(stop); });
+  const auto fail = [raw](const std::string& what) { raw->fail(what); };
+  raw->find_thread_ = start_thread(
+      "find:" + name, [raw](const std::stop_token& stop) { raw->find(stop); }, fail);
+  raw->capture_thread_ = start_thread(
+      "cap:" + name, [raw](const std::stop_token& stop) { raw->capture(stop); }, fail);
   return camera;
 }
 
@@ -57,6 +58,12 @@ void TargetCamera::note_problem(const std::string& problem) {
   status_.problem = problem;
 }
 
+void TargetCamera::fail(const std::string& what) {
+  std::lock_guard lock(mutex_);
+  status_.problem = what;
+  status_.ended = true;
+}
+
 void TargetCamera::capture(const std::stop_token& stop) {
   std::unique_ptr<FrameSource> source;
   Backoff backoff(parts_.name);
@@ -75,6 +82,7 @@ void TargetCamera::capture(const std::stop_token& stop) {
       source = *std::move(opened);
       std::lock_guard lock(mutex_);
       status_.open = true;
+      status_.problem.clear();
     }
     auto step = source->next(stop, kTurn);
     if (!step) {

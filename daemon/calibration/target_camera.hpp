@@ -48,6 +48,7 @@ class TargetCamera {
   void find(const std::stop_token& stop);
   void explain(const Frame& frame);
   void note_problem(const std::string& problem);
+  void fail(const std::string& what);  ///< a thread of it has ended
 
   Parts parts_;
   LatestSlot<FramePtr> slot_;

@@ -8,33 +8,36 @@ namespace sightline {
 void ZoneWatch::configure(std::vector<ZoneConfig> zones) {
   const auto before = zones_.read();
   if (before ? *before == zones : zones.empty()) return;
+  inside_.publish(zones.empty() ? nullptr : std::make_shared<const Inside>());
+  zones_.publish(std::make_shared<const Zones>(std::move(zones)));
   if (before) {
     for (const ZoneConfig& zone : *before) registry_.remove("zone", zone.name);
   }
-  inside_.publish(zones.empty() ? nullptr : std::make_shared<const Inside>());
-  zones_.publish(std::make_shared<const Zones>(std::move(zones)));
 }
 
 std::set<RecordingKind> ZoneWatch::take(const PoseEstimate& estimate, const std::string& object,
                                         std::string& why) {
   std::set<RecordingKind> kinds;
   const auto zones = zones_.read();
-  if (!zones || (zones->empty() && places_.empty())) return kinds;
+  if (!zones || (zones->empty() && objects_.empty())) return kinds;
   if (zones != known_) {
     known_ = zones;
-    places_.clear();
+    objects_.clear();
     inside_.publish(zones->empty() ? nullptr : std::make_shared<const Inside>());
   }
   const size_t index = estimate.object.index();
-  if (index >= places_.size()) places_.resize(index + 1);
-  places_[index].resize(zones->size());
+  if (index >= objects_.size()) objects_.resize(index + 1);
+  if (objects_[index].name != object) {
+    objects_[index] = {object, std::vector<Place>(zones->size())};
+    if (inside_.read()) publish(index);
+  }
   const bool measured =
       estimate.state == TrackState::kTracking || estimate.state == TrackState::kDegraded;
   bool changed = false;
   for (size_t i = 0; i < zones->size(); ++i) {
     const ZoneConfig& zone = (*zones)[i];
     if (!zone.watches(object)) continue;
-    Place& place = places_[index][i];
+    Place& place = objects_[index].places[i];
     const bool in = measured && zone.box.contains(estimate.world_from_object.translation);
     if (in) place.last = estimate.time;
     const bool inside = in || (place.inside && estimate.time - place.last <= kGone);
@@ -66,7 +69,7 @@ void ZoneWatch::publish(size_t object) {
   auto& names = (*next)[object];
   names.clear();
   for (size_t i = 0; i < known_->size(); ++i) {
-    if (places_[object][i].inside) names.push_back((*known_)[i].name);
+    if (objects_[object].places[i].inside) names.push_back((*known_)[i].name);
   }
   inside_.publish(std::move(next));
 }

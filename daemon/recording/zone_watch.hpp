@@ -45,7 +45,11 @@ class ZoneWatch {
   Snapshot<const Inside> inside_;
   // The estimator's thread's:
   std::shared_ptr<const Zones> known_;
-  std::vector<std::vector<Place>> places_;  // by ObjectId and zone
+  struct Object {
+    std::string name;           ///< a reload may give its id to another one
+    std::vector<Place> places;  ///< by zone
+  };
+  std::vector<Object> objects_;  // by ObjectId
 };
 
 }  // namespace sightline

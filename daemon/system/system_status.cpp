@@ -234,7 +234,9 @@ FeedNames feed_names(const System& system) {
     names.cameras.push_back(camera.name);
     calibration.push_back(camera.calibration);
   }
-  for (const RigObject& object : system.rig->objects) names.objects.push_back(object.named.name);
+  if (system.rig) {  // else the system is being started
+    for (const RigObject& object : system.rig->objects) names.objects.push_back(object.named.name);
+  }
   names.calibration = fmt::format("{:016x}", content_hash(format_calibration(calibration)));
   return names;
 }

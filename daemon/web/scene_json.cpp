@@ -64,14 +64,16 @@ std::string scene_json(const System& system) {
          {"world_from_camera", pose_json(camera.calibration.world_from_camera)},
          {"corners", corners_json(camera.calibration.model)}});
   }
-  for (const RigObject& object : system.rig->objects) {
+  const std::shared_ptr<const Rig> rig = system.rig;  // null while the system is being started
+  for (size_t i = 0; rig && i < rig->objects.size(); ++i) {
+    const RigObject& object = rig->objects[i];
     const RenderMesh& mesh = *object.mesh;
     json["objects"].push_back({{"name", object.named.name},
                                {"triangles", shown_level(*object.levels).faces.size()},
                                {"center_m", numbers(mesh.center.cast<double>())},
                                {"radius_m", mesh.radius}});
   }
-  json["scene_triangles"] = faces_of(*system.rig->scene);
+  json["scene_triangles"] = rig ? faces_of(*rig->scene) : size_t{0};
   if (now.scene.volume) json["volume"] = box_json(*now.scene.volume);
   for (const ZoneConfig& zone : now.zones) {
     Json box = box_json(zone.box);
@@ -98,6 +100,7 @@ std::string points_json(const System& system) {
 }
 
 HttpReply object_mesh_reply(const System& system, const std::string& object) {
+  if (!system.rig) return HttpReply::error(503, "the system is being started; try again");
   const auto& objects = system.rig->objects;
   const auto found = std::ranges::find(
       objects, object, [](const RigObject& one) -> const std::string& { return one.named.name; });
@@ -107,6 +110,7 @@ HttpReply object_mesh_reply(const System& system, const std::string& object) {
 }
 
 HttpReply scene_mesh_reply(const System& system) {
+  if (!system.rig) return HttpReply::error(503, "the system is being started; try again");
   const std::vector<RenderMesh>& meshes = *system.rig->scene;
   if (meshes.empty()) return HttpReply::error(404, "this installation has no static scene");
   const size_t all = faces_of(meshes);

@@ -96,7 +96,7 @@ Status check_handedness(const CalibrationViews& all) {
 Status check_views(const CalibrationViews& views) {
   std::set<std::string> names;
   for (const ViewedCamera& camera : views.cameras) {
-    if (camera.width < 1 || camera.height < 1) {
+    if (camera.images > 0 && (camera.width < 1 || camera.height < 1)) {
       return refuse("camera " + camera.name, "its image size is not known");
     }
     if (!names.insert(camera.name).second) {

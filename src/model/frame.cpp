@@ -57,7 +57,7 @@ FramePtr Frame::raw(const FrameInfo& info, FramePayload payload, std::shared_ptr
                                            std::move(payload), std::move(pool), nullptr);
 }
 
-FramePtr Frame::later(const FramePtr& frame, Duration time_offset) {
+FramePtr Frame::with_time_offset(const FramePtr& frame, Duration time_offset) {
   if (time_offset == Duration(0)) return frame;
   FrameInfo info = frame->info_;
   info.capture += time_offset;

@@ -31,14 +31,14 @@ SourceFactory::Opener counted_opener(const Options& chosen, const std::string& n
 }
 
 // Frames of a camera whose stamps are early by so much.
-class LaterSource final : public FrameSource {
+class TimeOffsetSource final : public FrameSource {
  public:
-  LaterSource(std::unique_ptr<FrameSource> source, Duration offset)
+  TimeOffsetSource(std::unique_ptr<FrameSource> source, Duration offset)
       : source_(std::move(source)), offset_(offset) {}
   const SourceInfo& info() const override { return source_->info(); }
   Result<SourceStep> next(std::stop_token stop, Duration timeout) override {
     SL_ASSIGN(SourceStep step, source_->next(std::move(stop), timeout));
-    if (step.frame) step.frame = Frame::later(step.frame, offset_);
+    if (step.frame) step.frame = Frame::with_time_offset(step.frame, offset_);
     return step;
   }
 
@@ -76,7 +76,8 @@ SourceFactory::Opener SourceFactory::opener(const CameraConfig& camera, CameraId
   return [open = std::move(open),
           offset](const std::stop_token& stop) -> Result<std::unique_ptr<FrameSource>> {
     SL_ASSIGN(auto source, open(stop));
-    return std::unique_ptr<FrameSource>(std::make_unique<LaterSource>(std::move(source), offset));
+    return std::unique_ptr<FrameSource>(
+        std::make_unique<TimeOffsetSource>(std::move(source), offset));
   };
 }
 

@@ -30,7 +30,7 @@ class VirtualReplayOfFiles final : public VirtualReplay {
       if (capture_of(i) != earliest) continue;
       const auto row = cameras_[i]->row();
       SL_ASSIGN(const FramePtr frame, cameras_[i]->take(*row));
-      set.push_back(Frame::later(frame, time_offsets_[i]));
+      set.push_back(Frame::with_time_offset(frame, time_offsets_[i]));
     }
     return std::optional(std::move(set));
   }

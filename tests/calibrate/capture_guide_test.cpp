@@ -201,6 +201,22 @@ TEST(CaptureGuide, GoesOnWithAnEarlierCapture) {
   EXPECT_THAT(other.resume(*kept), FailsWith("other cameras"));
 }
 
+TEST(CaptureGuide, GoesOnWithACameraThatHadNotGivenAnImage) {
+  const SyntheticRig rig = rig_of(1);
+  Capture capture(rig);
+  SimulatedUser user(rig, {});
+  follow(capture, user, 4);
+  CalibrationViews views = capture.guide.views();
+  views.cameras.push_back({"late", 0, 0, 0});
+  const auto kept = parse_views(format_views(views), "corners.csv");
+  ASSERT_THAT(kept, IsOk());
+  CaptureGuide next(rig.views.target, {{"cam0", 0, 0, 0}, {"late", 0, 0, 0}}, {}, {});
+  ASSERT_THAT(next.resume(*kept), IsOk());
+  EXPECT_EQ(next.views().sets, views.sets);
+  views.cameras.back().width = 640;
+  EXPECT_FALSE(parse_views(format_views(views), "corners.csv")) << "half a size is none";
+}
+
 // Two cameras out of step, the stamps of one of them late, a target that does not stop.
 TEST(CaptureGuide, AMovingTargetGivesTheTimeOffset) {
   const SyntheticRig rig = rig_of(2);

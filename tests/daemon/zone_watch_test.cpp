@@ -81,5 +81,14 @@ TEST_F(Zones, OtherZonesBeginAnew) {
   EXPECT_EQ(watch_.inside(), nullptr);
 }
 
+// A reload may leave out an object: the next one has its id then.
+TEST_F(Zones, ANewObjectOfTheSameIdIsOutsideAtFirst) {
+  EXPECT_EQ(take(0ms, 0.5), 1u);
+  EXPECT_TRUE(inside());
+  EXPECT_EQ(take(33ms, 0.5, TrackState::kTracking, "crate"), 0u);
+  EXPECT_FALSE(inside());
+  EXPECT_EQ(take(66ms, 0.5), 1u) << "and the one that comes back is told";
+}
+
 }  // namespace
 }  // namespace sightline

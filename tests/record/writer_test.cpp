@@ -263,7 +263,7 @@ TEST(RecordingWriter, StampsAreKeptAsTheCameraSaidThem) {
   std::vector<FramePtr> stamped;
   for (int i = 0; i < 3; ++i) {
     stamped.push_back(noise_frame(i, PixelFormat::kGray));
-    const FramePtr later = Frame::later(stamped.back(), std::chrono::milliseconds(17));
+    const FramePtr later = Frame::with_time_offset(stamped.back(), std::chrono::milliseconds(17));
     EXPECT_EQ(later->info().capture - stamped.back()->info().capture,
               std::chrono::milliseconds(17));
     ASSERT_TRUE(writer->append(*later));

@@ -66,7 +66,7 @@ class Frame {
   static FramePtr raw(const FrameInfo& info, FramePayload payload, std::shared_ptr<ImagePool> pool);
 
   /// The same frame, taken so much later: before anybody else has it.
-  static FramePtr later(const FramePtr& frame, Duration time_offset);
+  static FramePtr with_time_offset(const FramePtr& frame, Duration time_offset);
 
   Frame(Key, const FrameInfo& info, FramePayload payload, std::shared_ptr<ImagePool> pool,
         std::shared_ptr<const Image> image);

@@ -73,6 +73,7 @@ Status CaptureGuide::resume(const CalibrationViews& earlier) {
                                    : std::string("other cameras"));
   }
   for (size_t c = 0; c < earlier.cameras.size(); ++c) {
+    if (earlier.cameras[c].width < 1) continue;  // it gave no image
     SL_RETURN_IF_ERROR(set_image_size(c, earlier.cameras[c].width, earlier.cameras[c].height));
     guide.views.cameras[c].images += earlier.cameras[c].images;
   }

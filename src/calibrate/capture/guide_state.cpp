@@ -54,7 +54,7 @@ CaptureStep GuideState::find_still(Time now, Duration still, Sets& set, bool& br
     const auto state = windows[c].steady(options, still, records[c].width(), view);
     if (state == SightWindow::State::kNotSeen) continue;
     if (state == SightWindow::State::kMoving) return {CaptureStep::Kind::kMoving, c};
-    if (state == SightWindow::State::kBriefly) {
+    if (state == SightWindow::State::kTooShort) {
       brief = true;
       step = {CaptureStep::Kind::kMoving, c};
       continue;

@@ -19,7 +19,6 @@ struct GuideState {
   size_t last_camera = 0;  ///< of which something was taken last
   std::optional<RigReport> report;
   size_t report_sets = 0;
-  Time last_moment{};  ///< of a moving target: when a set was looked for last
 
   GuideState(const CalibrationTarget& target, const std::vector<ViewedCamera>& cameras,
              const std::vector<CameraPrior>& priors, const CaptureGuideOptions& chosen);

@@ -11,7 +11,7 @@ using namespace std::chrono_literals;
 namespace {
 
 constexpr Duration kKept = 3s;
-constexpr size_t kMost = 64;
+constexpr size_t kMost = 4096;    // kKept bounds it: 3 s of more than 1000 Hz
 constexpr Duration kNow = 500ms;  // what is older is not what a camera sees now
 
 double median(std::vector<double> values) {
@@ -42,7 +42,7 @@ std::vector<TargetCorner> mean_corners(const Sights& sights) {
 }
 
 /// Farthest that an image's corners are from the means, by its median corner.
-double unrest(const Sights& sights, const std::vector<TargetCorner>& means) {
+double largest_motion(const Sights& sights, const std::vector<TargetCorner>& means) {
   double most = 0;
   for (const TargetSight* sight : sights) {
     std::vector<double> ways;
@@ -97,9 +97,10 @@ SightWindow::State SightWindow::steady(const CaptureGuideOptions& options, Durat
   out.to = used.front()->capture;
   out.capture = out.from + (out.to - out.from) / 2;
   out.corners = mean_corners(used);
-  if (out.corners.size() < options.min_corners) return State::kBriefly;
-  if (unrest(used, out.corners) > options.still_share * width_px) return State::kMoving;
-  if (used.size() < options.still_images || out.to - out.from < still) return State::kBriefly;
+  if (out.corners.size() < options.min_corners) return State::kTooShort;
+  if (largest_motion(used, out.corners) > options.still_share * width_px)
+    return State::kMoving;
+  if (used.size() < options.still_images || out.to - out.from < still) return State::kTooShort;
   std::vector<double> edges;
   for (const TargetSight* sight : used) edges.push_back(sight->edge_px);
   out.edge_px = median(std::move(edges));

@@ -22,7 +22,7 @@ class SightWindow {
  public:
   enum class State : uint8_t {
     kNotSeen,
-    kBriefly,  ///< not for long enough, or not in all of the newest images
+    kTooShort,  ///< not for long enough, or not in all of the newest images
     kMoving,
     kSteady
   };

@@ -95,8 +95,11 @@ class ViewsReader {
     camera.width = fields.number<int>();
     camera.height = fields.number<int>();
     camera.images = fields.number<size_t>();
-    if (!fields.good() || camera.width < 1 || camera.height < 1 || camera.width > kMaxSide ||
-        camera.height > kMaxSide) {
+    // A camera that has not given an image yet has no size.
+    const bool unseen = camera.width == 0 && camera.height == 0 && camera.images == 0;
+    const bool sized = camera.width > 0 && camera.height > 0 && camera.width <= kMaxSide &&
+                       camera.height <= kMaxSide;
+    if (!fields.good() || !(unseen || sized)) {
       return fault("a camera is written '#camera NAME WIDTH HEIGHT IMAGES'");
     }
     views_.cameras.push_back(camera);

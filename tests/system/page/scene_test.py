@@ -46,18 +46,20 @@ class Scene(DaemonCase):
         lines_only = browser.run("document.querySelector('#scene .why').textContent")
         self.assertNotRegex(lines_only, "Lines only", "this Chromium has WebGL by software")
         box = browser.run(f"(b => [b.x + b.width / 2, b.y + b.height / 2])({CANVAS}.getBoundingClientRect())")
-        labels = lambda: browser.run("document.querySelector('.labels').toDataURL()")
-        before = labels()
+        view = lambda: browser.run(f"{CANVAS}.dataset.view")
+        before = view()
         for kind, dx in (("mousePressed", 0), ("mouseMoved", 120), ("mouseReleased", 120)):
             browser.call("Input.dispatchMouseEvent", type=kind, x=box[0] + dx, y=box[1], button="left",
                          buttons=0 if kind == "mouseReleased" else 1, clickCount=1)
-        wait_until(lambda: labels() != before, "it has turned")
-        frames = browser.run(FRAMES)
+        wait_until(lambda: view() != before, "it has turned")
+        before = view()
         browser.call("Input.dispatchMouseEvent", type="mouseWheel", x=box[0], y=box[1], deltaX=0, deltaY=-200)
+        wait_until(lambda: view() != before, "the wheel brings it nearer")
         browser.run(f"{CANVAS}.focus()")
         for key, code in (("ArrowLeft", 37), ("ArrowUp", 38), ("+", 187)):
+            before = view()
             browser.key(key, code)
-        browser.wait_for(f"{FRAMES} > {frames} + 2", "it is drawn again")
+            wait_until(lambda: view() != before, f"{key} moves it")
         if SHOTS:
             browser.screenshot(os.path.join(SHOTS, "scene.png"))
         self.assertEqual(browser.problems, [])

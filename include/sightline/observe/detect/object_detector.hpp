@@ -72,8 +72,8 @@ class ObjectDetector {
   /// to rank what looks like its outline; null: it has none.
   Detection detect(const ColorVerifier* colors = nullptr);
 
-  /// The search by contours in the newest frames, with what each of its stages leaves. Decides
-  /// nothing.
+  /// The search by contours in the newest frames, with what each of its stages leaves; `colors` as
+  /// for detect(). Decides nothing.
   void explain(DetectionTrace& trace, const ColorVerifier* colors = nullptr);
   /// What the frames of the newest search say of a pose, fitted within a few pixels.
   PoseAssessment assess(const Rigid3& world_from_object) const;

@@ -148,7 +148,9 @@ void ResponseMaps::compute(const EdgeImage& edges, const std::vector<uint8_t>& b
   // Whole vectors of the scanning kernel may be read past the end of a row.
   stride_ = (width_ + 2 * margin + 63) / 32 * 32;
   spread_out(edges.bins(), full_width, full_height, spread, spread_);
-  spread_out(borders, full_width, full_height, spread, spread_borders_);
+  const bool all = &borders == &edges.bins();
+  if (!all) spread_out(borders, full_width, full_height, spread, spread_borders_);
+  const std::vector<uint8_t>& spread_borders = all ? spread_ : spread_borders_;
   for (int bin = 0; bin < kEdgeBins; ++bin) {
     auto& map = maps_[static_cast<size_t>(bin)];
     map.assign(static_cast<size_t>(stride_) * static_cast<size_t>(height_ + 2 * margin) + 64, 0);
@@ -156,7 +158,7 @@ void ResponseMaps::compute(const EdgeImage& edges, const std::vector<uint8_t>& b
     const auto& within = kTableWithin[static_cast<size_t>(bin)];
     for (int y = 0; y < height_; ++y) {
       const uint8_t* any = spread_.data() + pixel_index(0, 2 * y, full_width);
-      const uint8_t* border = spread_borders_.data() + pixel_index(0, 2 * y, full_width);
+      const uint8_t* border = spread_borders.data() + pixel_index(0, 2 * y, full_width);
       uint8_t* to = map.data() + (margin + y) * stride_ + margin;
       for (int x = 0; x < width_; ++x) {
         to[x] = std::max(table[border[2 * x]], within[any[2 * x]]);

@@ -43,15 +43,18 @@ void RegionBorders::sum_up(const HalfSizeImage& image) {
     for (int y = 0; y < height_; ++y) {
       const uint8_t* row = image.row(plane, y);
       const size_t above = static_cast<size_t>(y) * stride + 1, here = above + stride;
-      int32_t value = 0, square = 0;
+      int32_t value = 0;
+      uint32_t square = 0;
       for (size_t x = 0; x < stride - 1; ++x) {
         const int level = kWeights[plane] * (row[x] - 128);
         value += level;
-        square += level * level;
-        sums.values[here + x] = sums.values[above + x] + value;
-        // Squares of a large image may pass 2^31; differences of boxes are right all the same.
-        sums.squares[here + x] = static_cast<int32_t>(
-            static_cast<uint32_t>(sums.squares[above + x]) + static_cast<uint32_t>(square));
+        square += static_cast<uint32_t>(level * level);
+        // Those of a large image may pass 2^31; differences of boxes are right all the same.
+        const auto plus = [](int32_t a, uint32_t b) {
+          return static_cast<int32_t>(static_cast<uint32_t>(a) + b);
+        };
+        sums.values[here + x] = plus(sums.values[above + x], static_cast<uint32_t>(value));
+        sums.squares[here + x] = plus(sums.squares[above + x], square);
       }
     }
   }

@@ -13,9 +13,9 @@ namespace sightline {
 
 /// Styles that an operator chose while the system runs. They are in no file: a restart forgets
 /// them, and a reload whose file has another overlay for a camera takes that.
-class OverlayDesk {
+class OverlayOverrides {
  public:
-  OverlayDesk() { in_file_.publish(std::make_shared<const Styles>()); }
+  OverlayOverrides() { in_file_.publish(std::make_shared<const Styles>()); }
 
   /// `next` as read from its file: what was chosen for cameras whose overlay is the same in this
   /// file as in the one before stays. One thread, as the rest but json().

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "order_desk.hpp"
+#include "order_queue.hpp"
 
 #include <exception>
 #include <optional>
@@ -8,13 +8,13 @@
 
 namespace sightline {
 
-struct OrderDesk::Order {
+struct OrderQueue::Order {
   Work work;
   std::mutex mutex;  // guards reply
   std::optional<HttpReply> reply;
 };
 
-HttpReply OrderDesk::take(Work work) {
+HttpReply OrderQueue::take(Work work) {
   const auto order = std::make_shared<Order>();
   order->work = std::move(work);
   {
@@ -33,15 +33,13 @@ HttpReply OrderDesk::take(Work work) {
   return reply;
 }
 
-void OrderDesk::work() {
-  for (;;) {
-    std::shared_ptr<Order> order;
-    {
-      const std::lock_guard lock(mutex_);
-      if (waiting_.empty()) return;
-      order = std::move(waiting_.front());
-      waiting_.pop_front();
-    }
+void OrderQueue::work() {
+  std::deque<std::shared_ptr<Order>> orders;  // of what comes meanwhile tell_() speaks again
+  {
+    const std::lock_guard lock(mutex_);
+    orders.swap(waiting_);
+  }
+  for (const std::shared_ptr<Order>& order : orders) {
     HttpReply reply;
     try {
       reply = order->work();

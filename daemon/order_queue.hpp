@@ -13,12 +13,12 @@ namespace sightline {
 
 /// Orders over HTTP that need a disk or take a moment. They are done one after another on the
 /// control thread, between reloads, while their clients wait and the HTTP thread does not.
-class OrderDesk {
+class OrderQueue {
  public:
   using Work = std::function<HttpReply()>;
 
   /// `tell`: there is work; called on the thread of take(), must not wait.
-  OrderDesk(std::function<void()> tell, std::shared_ptr<HttpWaker> waker)
+  OrderQueue(std::function<void()> tell, std::shared_ptr<HttpWaker> waker)
       : tell_(std::move(tell)), waker_(std::move(waker)) {}
 
   /// The reply comes later. Refused while kMost wait. Any thread, never waits.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "system/overlay_desk.hpp"
+#include "system/overlay_overrides.hpp"
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
@@ -37,7 +37,7 @@ Json names_json(const Names& names) {
 
 }  // namespace
 
-void OverlayDesk::note_file(const Installation& as_read) {
+void OverlayOverrides::note_file(const Installation& as_read) {
   auto styles = std::make_shared<Styles>();
   for_each_style(as_read, [&](const std::string& name, const OverlayStyle& style, bool) {
     styles->emplace(name, style);
@@ -45,7 +45,7 @@ void OverlayDesk::note_file(const Installation& as_read) {
   in_file_.publish(std::move(styles));
 }
 
-void OverlayDesk::carry_over(const Installation& running, Installation& next) const {
+void OverlayOverrides::carry_over(const Installation& running, Installation& next) const {
   const auto before = in_file_.read();
   Styles chosen;
   for_each_style(running, [&](const std::string& name, const OverlayStyle& style, bool) {
@@ -59,7 +59,7 @@ void OverlayDesk::carry_over(const Installation& running, Installation& next) co
   });
 }
 
-Status OverlayDesk::change(const OverlayRequest& request, Installation& installation) const {
+Status OverlayOverrides::change(const OverlayRequest& request, Installation& installation) const {
   Status result;
   bool any = false;
   Installation changed = installation;
@@ -87,7 +87,7 @@ Status OverlayDesk::change(const OverlayRequest& request, Installation& installa
   return {};
 }
 
-void OverlayDesk::reset(Installation& installation) const {
+void OverlayOverrides::reset(Installation& installation) const {
   const auto in_file = in_file_.read();
   for_each_style(installation, [&](const std::string& name, OverlayStyle& style, bool) {
     const auto known = in_file->find(name);
@@ -95,7 +95,7 @@ void OverlayDesk::reset(Installation& installation) const {
   });
 }
 
-std::string OverlayDesk::json(const Installation& running) const {
+std::string OverlayOverrides::json(const Installation& running) const {
   const auto in_file = in_file_.read();
   std::vector<std::string_view> marks;
   for (const std::string_view name : style_names()) {
