@@ -98,8 +98,7 @@ SightWindow::State SightWindow::steady(const CaptureGuideOptions& options, Durat
   out.capture = out.from + (out.to - out.from) / 2;
   out.corners = mean_corners(used);
   if (out.corners.size() < options.min_corners) return State::kTooShort;
-  if (largest_motion(used, out.corners) > options.still_share * width_px)
-    return State::kMoving;
+  if (largest_motion(used, out.corners) > options.still_share * width_px) return State::kMoving;
   if (used.size() < options.still_images || out.to - out.from < still) return State::kTooShort;
   std::vector<double> edges;
   for (const TargetSight* sight : used) edges.push_back(sight->edge_px);
