@@ -78,8 +78,9 @@ class CameraReader {
     SL_ASSIGN(const double time_offset_s, read_time_offset());
     SL_RETURN_IF_ERROR(check_date());
     SL_RETURN_IF_ERROR(check_sigmas(distortion.size()));
-    SL_ASSIGN(CameraModel model, CameraModel::create(p, place(file_, table_.get("fx")->source())));
-    return CalibratedCamera{name, std::move(model), world_from_camera, rms_px, time_offset_s};
+    SL_ASSIGN(const CameraModel model,
+              CameraModel::create(p, place(file_, table_.get("fx")->source())));
+    return CalibratedCamera{name, model, world_from_camera, rms_px, time_offset_s};
   }
 
  private:

@@ -139,8 +139,8 @@ void ResponseMaps::spread_out(const std::vector<uint8_t>& bins, int width, int h
 
 void ResponseMaps::compute(const EdgeImage& edges, const std::vector<uint8_t>& borders, int spread,
                            int margin) {
-  static const ResponseTable kTable = make_response_table(1);
-  static const ResponseTable kTableWithin = make_response_table(kWithinResponse);
+  static const ResponseTable full_responses = make_response_table(1);
+  static const ResponseTable within_responses = make_response_table(kWithinResponse);
   const int full_width = edges.width(), full_height = edges.height();
   width_ = full_width / 2;
   height_ = full_height / 2;
@@ -154,8 +154,8 @@ void ResponseMaps::compute(const EdgeImage& edges, const std::vector<uint8_t>& b
   for (int bin = 0; bin < kEdgeBins; ++bin) {
     auto& map = maps_[static_cast<size_t>(bin)];
     map.assign(static_cast<size_t>(stride_) * static_cast<size_t>(height_ + 2 * margin) + 64, 0);
-    const auto& table = kTable[static_cast<size_t>(bin)];
-    const auto& within = kTableWithin[static_cast<size_t>(bin)];
+    const auto& table = full_responses[static_cast<size_t>(bin)];
+    const auto& within = within_responses[static_cast<size_t>(bin)];
     for (int y = 0; y < height_; ++y) {
       const uint8_t* any = spread_.data() + pixel_index(0, 2 * y, full_width);
       const uint8_t* border = spread_borders.data() + pixel_index(0, 2 * y, full_width);
