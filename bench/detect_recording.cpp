@@ -114,8 +114,8 @@ Result<Score> play(const Arguments& arguments) {
   const auto cameras = chosen_cameras(installation, arguments.cameras);
   SL_ASSIGN(auto finder, FeatureDetector::create(object.features, cameras));
   SL_ASSIGN(auto detector, ObjectDetector::create(ObjectId(0), object.views, cameras));
-  SL_ASSIGN(auto replay,
-            VirtualReplay::open(recording, {}, time_offsets(*recording, installation)));
+  SL_ASSIGN(auto replay, VirtualReplay::open(recording, {}, time_offsets(*recording, installation),
+                                             axis_histories(*recording, installation)));
   Score score;
   std::optional<Time> start;
   for (size_t set = 0;; ++set) {

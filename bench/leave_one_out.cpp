@@ -34,8 +34,8 @@ Result<std::vector<Sight>> observe_all(const Installation& installation, const R
     SL_ASSIGN(auto observer, make_observer(installation, rig, CameraId(static_cast<uint32_t>(i))));
     observers.push_back(std::move(observer));
   }
-  SL_ASSIGN(auto replay,
-            VirtualReplay::open(recording, {}, time_offsets(*recording, installation)));
+  SL_ASSIGN(auto replay, VirtualReplay::open(recording, {}, time_offsets(*recording, installation),
+                                             axis_histories(*recording, installation)));
   std::vector<Sight> sights;
   std::vector<Observation> made;
   for (;;) {

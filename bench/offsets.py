@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is found from nothing, wherever a recording begins:
 
-    bench/offsets.py [--bin build/release/bin] [--parts N] [--replay=--instant-search] RECORDING ...
+    bench/offsets.py [--bin build/release/bin] [--parts N] [--look LOOK] [--replay=--instant-search] RECORDING ...
 
-Cuts each recording at N places (0 to 3/4 of its length; the videos are encoded again, almost without loss), replays
-each part by itself with `sightline replay --modalities region,edge,texture` and compares it with truth.csv or
-keyframes.csv. Prints per object the share of judged rows within 5 cm + 5 deg up to declared and shape's symmetries,
-wrong claims, and for each part rows within, wrong claims, median error and time of the first pose. Needs ffmpeg. Exits
-2 for bad input."""
+Cuts each recording at N places (0 to 3/4 of its length; the videos are encoded again, almost without loss, or to look
+as from another camera: gray, soft and noisy, of another white balance), replays each part by itself with `sightline
+replay --modalities region,edge,texture` and compares it with truth.csv or keyframes.csv. Prints per object the share
+of judged rows within 5 cm + 5 deg up to declared and shape's symmetries, wrong claims, and for each part rows within,
+wrong claims, median error and time of the first pose. Needs ffmpeg. Exits 2 for bad input."""
 import pathlib
 import shutil
 import subprocess
@@ -18,14 +18,18 @@ import tempfile
 from recording_tools import (add_replay_option, evaluate, load_recording, read_csv, recording_parser,
                              replay, up_to_symmetry, write_csv)
 
+LOOKS = {"as-is": "",
+         "gray": ",hue=s=0",
+         "soft": ",gblur=sigma=1.0,noise=alls=10:allf=t",
+         "warm": ",eq=gamma=1.25:saturation=0.65:contrast=0.9,colorbalance=rm=0.12:bm=-0.12"}
 TRUTH_MARGIN_NS = 10_000_000  # for a camera's offset
 
 
-def cut_video(source, target, frames):
-    """A copy without the first frames."""
-    subprocess.run(["ffmpeg", "-v", "error", "-y", "-i", source, "-vf",
-                    f"trim=start_frame={frames},setpts=PTS-STARTPTS", "-an", "-c:v", "libx264", "-crf", "4", "-preset",
-                    "veryfast", "-g", "15", "-pix_fmt", "yuv420p", "-color_range", "tv", target],
+def cut_video(source, target, frames, look):
+    """A copy without the first frames, with that look."""
+    chain = f"trim=start_frame={frames},setpts=PTS-STARTPTS{LOOKS[look]}"
+    subprocess.run(["ffmpeg", "-v", "error", "-y", "-i", source, "-vf", chain, "-an", "-c:v", "libx264", "-crf", "4",
+                    "-preset", "veryfast", "-g", "15", "-pix_fmt", "yuv420p", "-color_range", "tv", target],
                    check=True, timeout=300)
 
 
@@ -36,8 +40,8 @@ def cut_rows(path, column, first_ns):
         write_csv(path, rows[0].keys(), [row for row in rows if int(row[column]) >= first_ns])
 
 
-def cut(recording, folder, start_s):
-    """The rest of a recording from `start_s` after its first frame on."""
+def cut(recording, folder, start_s, look="as-is"):
+    """The rest of a recording from `start_s` after its first frame on, with one of LOOKS."""
     shutil.copytree(recording.folder, folder, ignore=shutil.ignore_patterns("*.mkv"))
     first_ns = recording.start_ns + round(start_s * 1e9)
     cut_rows(folder / "frames.csv", "capture_ns", first_ns)
@@ -45,7 +49,7 @@ def cut(recording, folder, start_s):
         cut_rows(folder / truth, "t_ns", first_ns - TRUTH_MARGIN_NS)
     for camera, video in recording.videos.items():
         gone = sum(time < first_ns for time in recording.capture_times(camera).values())
-        cut_video(recording.folder / video, folder / video, gone)
+        cut_video(recording.folder / video, folder / video, gone, look)
     return load_recording(folder)
 
 
@@ -57,7 +61,7 @@ def first_pose(part, rows, name):
 def judge_part(options, recording, start_s, totals):
     """Replays what follows after `start_s` and adds to the totals of its objects."""
     with tempfile.TemporaryDirectory(prefix="sightline_offsets.") as folder:
-        part = cut(recording, pathlib.Path(folder, "part"), start_s)
+        part = cut(recording, pathlib.Path(folder, "part"), start_s, options.look)
         poses = pathlib.Path(folder, "poses.csv")
         rows = replay(options, part, poses)
         for e in evaluate(options.bin, part, poses):
@@ -82,6 +86,7 @@ def judge(options, recording):
 def main():
     parser = recording_parser(__doc__)
     parser.add_argument("--parts", type=int, default=6)
+    parser.add_argument("--look", choices=LOOKS, default="as-is")
     add_replay_option(parser)
     options = parser.parse_args()
     for recording in options.recordings:

@@ -3,7 +3,7 @@
 // with truth is replayed with fiducials off; while the object is lost it is started again next to
 // the truth, which no program does.
 //   track_recording RECORDING [--modalities region,edge,texture] [--off CAMERA,...] [--poses
-//   OUT.csv]
+//   OUT.csv] [--consistency]
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
@@ -12,6 +12,7 @@
 #include <cstring>
 #include <map>
 
+#include "claims/consistency.hpp"
 #include "figures.hpp"
 #include "sightline/pipeline/replay_library.hpp"
 #include "sightline/pipeline/tracking_chain.hpp"
@@ -29,6 +30,7 @@ struct Arguments {
   std::string off;
   std::filesystem::path poses;
   bool verbose = false;
+  bool consistency = false;  ///< nothing but the row of a table
 };
 
 // What one kind of term of one camera says of its own error, at the truth: with g, H there its
@@ -71,7 +73,8 @@ class Run {
 
   Status play() {
     SL_ASSIGN(auto replay,
-              VirtualReplay::open(recording_, {}, time_offsets(*recording_, installation_)));
+              VirtualReplay::open(recording_, {}, time_offsets(*recording_, installation_),
+                                  axis_histories(*recording_, installation_)));
     for (;;) {
       SL_ASSIGN(const auto frames, replay->next());
       if (!frames) break;
@@ -101,6 +104,13 @@ class Run {
   Status print() {
     SL_ASSIGN(const Status written, write_log());
     (void)written;
+    if (arguments_.consistency) {
+      if (!consistency_.empty()) {
+        fmt::print("| {} | {} | {} |\n", rig_.objects[0].named.name, installation_.cameras.size(),
+                   consistency_.cells());
+      }
+      return {};
+    }
     fmt::print("{}", to_text(evaluate(truth_, log_)));
     const EstimatorCounters& counters = estimator().counters();
     fmt::print("starts {}, resets {}, gated {}\n", counters.starts, counters.resets,
@@ -236,6 +246,9 @@ class Run {
     const Vector6 off = difference(report.estimate.world_from_object, truth);
     nees_[report.estimate.state].push_back(
         off.dot(report.estimate.pose_covariance().ldlt().solve(off)));
+    if (report.estimate.state == TrackState::kTracking) {
+      consistency_.add(off, report.estimate.pose_covariance());
+    }
     if (arguments_.verbose) {
       fmt::print(
           "   -> {} err {:.1f} mm {:.1f} deg sigma {:.1f} mm {:.1f} deg accepted {:x} gated "
@@ -263,6 +276,7 @@ class Run {
   std::vector<PoseLogRow> log_;
   std::vector<double> cpu_;
   std::map<TrackState, std::vector<double>> nees_;
+  bench::Consistency consistency_;  // while tracking
   std::vector<std::map<std::string, Honesty>> honesty_;
 };
 
@@ -280,6 +294,8 @@ int main(int argc, char** argv) {
       arguments.off = argv[++i];
     } else if (word == "--poses" && more) {
       arguments.poses = argv[++i];
+    } else if (word == "--consistency") {
+      arguments.consistency = true;
     } else if (word == "--verbose") {
       arguments.verbose = true;
     } else {
@@ -289,7 +305,7 @@ int main(int argc, char** argv) {
   if (arguments.recording.empty()) {
     fmt::print(stderr,
                "usage: track_recording RECORDING [--modalities LIST] [--off CAMERA] [--poses CSV] "
-               "[--verbose]\n");
+               "[--consistency] [--verbose]\n");
     return 2;
   }
   auto run = sightline::Run::create(arguments);

@@ -24,6 +24,7 @@ void add_check(CLI::App& app, Command& chosen);
 void add_detect(CLI::App& app, Command& chosen);
 void add_doctor(CLI::App& app, Command& chosen);
 void add_evaluate(CLI::App& app, Command& chosen);
+void add_init(CLI::App& app, Command& chosen);
 void add_model(CLI::App& app, Command& chosen);
 void add_record(CLI::App& app, Command& chosen);
 void add_replay(CLI::App& app, Command& chosen);

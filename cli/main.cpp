@@ -5,6 +5,7 @@
 #include <exception>
 #include <string>
 
+#include "cell/cell_commands.hpp"
 #include "commands.hpp"
 #include "sightline/base/log.hpp"
 #include "version.hpp"
@@ -21,9 +22,10 @@ int run(int argc, char** argv) {
   app.add_flag("-v,--verbose", verbose, "say more on stderr");
 
   cli::Command chosen;
-  for (const auto add : {cli::add_check, cli::add_evaluate, cli::add_replay, cli::add_record,
-                         cli::add_cameras, cli::add_model, cli::add_superimpose, cli::add_view,
-                         cli::add_train, cli::add_detect, cli::add_calibrate, cli::add_doctor}) {
+  for (const auto add :
+       {cli::add_check, cli::add_evaluate, cli::add_replay, cli::add_record, cli::add_cameras,
+        cli::add_model, cli::add_superimpose, cli::add_view, cli::add_train, cli::add_detect,
+        cli::add_calibrate, cli::add_doctor, cli::add_init, cli::add_cell, cli::add_merge}) {
     add(app, chosen);
   }
   try {

@@ -8,6 +8,7 @@
 
 #include "commands.hpp"
 #include "daemon.hpp"
+#include "recording/image_recording.hpp"
 #include "report.hpp"
 #include "sightline/base/log_output.hpp"
 #include "signals.hpp"
@@ -34,8 +35,43 @@ void wait_for_end(const Daemon& daemon, const Signals& signals, std::optional<do
   }
 }
 
+// Of cameras that have no calibration yet: their images alone.
+Status record_images(const Installation& installation, const RecordOptions& options,
+                     const Signals& signals) {
+  log::warning("{}: no calibration yet: images are recorded, without poses",
+               options.config.string());
+  SL_ASSIGN(const auto recording, ImageRecording::start(installation, options.out));
+  const Time start = MonotonicClock::now();
+  bool told = false;
+  while (signals.wait(100ms) == 0) {
+    const Duration elapsed = MonotonicClock::now() - start;
+    (void)log::flush(0ms);
+    if (options.seconds && elapsed >= from_seconds(*options.seconds)) break;
+    if (recording->ended() || !recording->problem().empty()) break;
+    if (!told && elapsed > 5s && recording->written() == 0) {
+      log::warning("still waiting for the first image of {}", recording->waits_for());
+      told = true;
+    }
+  }
+  const Status done = recording->stop();
+  if (recording->dropped() > 0) {
+    log::warning("{} frames were left out: the disk is too slow", recording->dropped());
+  }
+  return done;
+}
+
+bool is_calibrated(const Installation& installation) {
+  std::error_code ignored;
+  return !installation.calibration.empty() &&
+         std::filesystem::exists(installation.calibration, ignored);
+}
+
 Status record_until_end(const RecordOptions& options) {
   SL_ASSIGN(const Signals signals, Signals::create());
+  if (const auto bare = read_uncalibrated_installation(options.config);
+      bare && !is_calibrated(*bare)) {
+    return record_images(*bare, options, signals);
+  }
   SL_ASSIGN(Installation installation, read_installation(options.config));
   DaemonOptions daemon_options;
   daemon_options.record_to = options.out;

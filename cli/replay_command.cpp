@@ -107,8 +107,8 @@ Result<ReplaySummary> run(const ReplayOptions& options) {
                                    {options.overlay, options.overlay_png, options.points},
                                    options.search));
   SL_RETURN_IF_ERROR(use_starts(options.starts, installation, *pipeline));
-  SL_ASSIGN(auto replay,
-            VirtualReplay::open(recording, {}, time_offsets(*recording, installation)));
+  SL_ASSIGN(auto replay, VirtualReplay::open(recording, {}, time_offsets(*recording, installation),
+                                             axis_histories(*recording, installation)));
   ProgressBar bar("replay", recording->frame_count());
   Pace pace(options.realtime);
   for (;;) {

@@ -148,8 +148,8 @@ Result<Trained> train_from_recording(const TrainCommandOptions& options) {
                        make_scene_depth(rig, CameraId(static_cast<uint32_t>(i))), 0});
   }
   FeatureTrainer trainer(mesh_content(*object->triangles));
-  SL_ASSIGN(auto replay,
-            VirtualReplay::open(recording, {}, time_offsets(*recording, installation)));
+  SL_ASSIGN(auto replay, VirtualReplay::open(recording, {}, time_offsets(*recording, installation),
+                                             axis_histories(*recording, installation)));
   ProgressBar bar("train", recording->frame_count());
   Trained trained;
   std::optional<Time> start;

@@ -134,8 +134,8 @@ Result<size_t> run(const ViewCommandOptions& options) {
   const Duration period = recording->cameras.front().frame_period();
   SL_ASSIGN(auto writer, ViewWriter::create(options, installation, pipeline->rig(),
                                             period > Duration(0) ? 1 / to_seconds(period) : 30));
-  SL_ASSIGN(auto replay,
-            VirtualReplay::open(recording, {}, time_offsets(*recording, installation)));
+  SL_ASSIGN(auto replay, VirtualReplay::open(recording, {}, time_offsets(*recording, installation),
+                                             axis_histories(*recording, installation)));
   ProgressBar bar("view", recording->frame_count());
   std::optional<Time> start;
   Time last{}, drawn{};

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <exception>
 
+#include "cell/shared_orders.hpp"
 #include "sightline/base/log.hpp"
 #include "sightline/base/log_output.hpp"
 #include "system/gauge_report.hpp"
@@ -54,6 +55,7 @@ Daemon::Daemon(const DaemonOptions& options, std::shared_ptr<HttpWaker> waker)
                nullptr,
                nullptr,
                {},
+               {},
                options.request_reload},
       orders_(options.request_orders, waker_) {
   system_.publish(std::make_shared<const System>());
@@ -91,6 +93,8 @@ Status Daemon::prepare_web() {
                                .recordings = context_.recordings,
                                .whep = context_.whep,
                                .waker = waker_});
+  context_.on_order = [here = context_.http](const CellOrder& order) { obey(order, here); };
+  share_orders(context_.http, [this] { return system_.read()->cell; });
   if (options_.request_orders) add_orders();
   return {};
 }

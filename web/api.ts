@@ -14,7 +14,8 @@ export interface Pose {
   state: TrackState; t_ns?: number; utc_ns?: number; translation_m?: [number, number, number];
   rotation_wxyz?: [number, number, number, number]; sigma_t_mm?: number; sigma_r_deg?: number; reasons?: string[]; cameras?: string[];
 }
-export interface SeenObject extends Pose { name: string; points?: { rms_mm: number; contradicts: boolean }; zones?: string[] }
+export interface Sight { camera: string; sees: boolean; share: number; changes_in_s?: number }
+export interface SeenObject extends Pose { name: string; points?: { rms_mm: number; contradicts: boolean }; zones?: string[]; sight?: Sight[] }
 export interface PoseEvent extends Pose { object: string; covariance?: number[] }
 export interface State {
   name: string; utc_ns: number; webrtc: boolean; config: { file: string; content: string; loaded: string; refused?: { at: string; problem: string } };

@@ -2,7 +2,8 @@
 // The page: follows the daemon's events and pictures, and lets an operator say where to look.
 
 import { Camera, follow, order, PoseEvent, SeenObject, State, VirtualCamera } from "./api";
-import { byId, make, setText, show } from "./dom";
+import { byId, setText, show } from "./dom";
+import { EventList } from "./events";
 import { ObjectCard } from "./objects";
 import { OverlayPanel } from "./overlay";
 import { PictureFeed } from "./pictures";
@@ -13,7 +14,6 @@ import { ScenePanel } from "./scene";
 import { Tile } from "./tiles";
 import { canPlayVideo, VideoFeed } from "./whep";
 
-const MOST_EVENTS = 200;
 const SILENT_MS = 3000;  // the state comes every second
 const THEMES = ["automatic", "light", "dark"] as const;
 
@@ -30,6 +30,7 @@ class Page {
   private readonly videos = new VideoFeed((camera) => this.tiles.get(camera)?.video ?? null,
     (camera, age) => this.tiles.get(camera)?.takeFrame(age), (cameras) => this.fetchPictures(cameras));
   private readonly scene = new ScenePanel();
+  private readonly events = new EventList();
   private readonly overlay = new OverlayPanel((text) => this.tell(text));
   private readonly rig = new RigPanel((text) => this.tell(text));
   private fetched = "";
@@ -56,11 +57,13 @@ class Page {
     setInterval(() => this.refresh(), 250);
     this.startTheme();
     this.scene.start();
+    this.events.start();
     new RecordingPanel((text) => this.tell(text)).start();
   }
 
   private setLink(up: boolean): void {
     if (up !== this.linked) this.tell(up ? "connected to the daemon" : "connection to the daemon lost");
+    if (up) this.events.connected();
     this.linked = up;
     this.heard = Date.now();
     setText(byId("link"), up ? "connected" : "not connected");
@@ -75,17 +78,8 @@ class Page {
     document.title = `${state.name || "Sightline"} – Sightline`;
     const refused = state.config.refused;
     show(byId("banner"), refused ? `The newest configuration was refused; that of ${state.config.loaded} stays in force.\n${refused.problem}` : "");
-    this.tellChange("configuration", refused ? `refused ${refused.at}` : state.config.loaded,
-      refused ? "the newest configuration was refused" : `configuration of ${state.config.loaded.replace("T", " ")} in force`);
     this.syncTiles([...state.cameras.filter((camera) => camera.streams), ...state.virtual_cameras]);
     this.syncObjects(state.objects);
-    for (const camera of state.cameras) {
-      this.tellChange(`camera ${camera.name}`, String(camera.present),
-        camera.present ? `camera ${camera.name} is there` : `camera ${camera.name}: no signal${camera.problem ? ": " + camera.problem : ""}`);
-    }
-    for (const object of state.objects) {
-      if (object.zones) this.tellZones(object.name, object.zones);
-    }
     setText(byId("summary"), this.summary(state));
     this.scene.takeState(state);
     this.overlay.takeState(state);
@@ -228,13 +222,6 @@ class Page {
     this.tell(text);
   }
 
-  private tellZones(object: string, zones: string[]): void {
-    const key = `zones ${object}`, before = this.told.get(key)?.split("\n").filter((zone) => zone) ?? [];
-    this.told.set(key, zones.join("\n"));
-    for (const zone of zones) if (!before.includes(zone)) this.tell(`${object} entered ${zone}`);
-    for (const zone of before) if (!zones.includes(zone)) this.tell(`${object} left ${zone}`);
-  }
-
   /** A state that has stayed for a second is an event. */
   private tellLasting(card: ObjectCard): void {
     const now = performance.now(), known = this.since.get(card.name);
@@ -243,12 +230,7 @@ class Page {
   }
 
   private tell(text: string): void {
-    const list = byId("events");
-    const line = make("li");
-    const time = make("time", "", new Date().toLocaleTimeString("en-GB"));
-    line.append(time, make("span", "", text));
-    list.prepend(line);
-    while (list.childElementCount > MOST_EVENTS) list.lastElementChild?.remove();
+    this.events.tell(text);
   }
 
   private refresh(): void {

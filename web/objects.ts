@@ -14,7 +14,7 @@ const REASONS: Record<string, string> = {
   unconfirmed: "too few measurements have agreed yet", several_poses: "the pictures fit more than one pose",
   ambiguous: "it looks alike in other poses", weak_position: "its position is weak in one direction",
   weak_rotation: "its turn about one axis is weak", one_camera: "one camera alone sees it",
-  contradicted: "cameras contradict it",
+  contradicted: "cameras contradict it", unexplained: "the pictures show more of it, or less",
 };
 
 const LATELY_MS = 500;
@@ -40,7 +40,7 @@ export class ObjectCard {
     this.element.dataset.object = name;
     const head = make("div", "head");
     head.append(make("h3", "", name), this.chip);
-    for (const label of ["Position", "Uncertainty", "Cameras", "Points"]) {
+    for (const label of ["Position", "Uncertainty", "Cameras", "In view", "Points"]) {
       const value = make("dd");
       this.values.set(label, value);
       this.facts.append(make("dt", "", label), value);
@@ -105,6 +105,9 @@ export class ObjectCard {
   takeState(object: SeenObject): void {
     const points = object.points;
     this.set("Points", points ? `${points.rms_mm.toFixed(1)} mm rms${points.contradicts ? ", contradict the pose" : ""}` : "–");
+    const sight = (object.sight ?? []).map(({ camera, sees, changes_in_s: later }) => later === undefined ? camera
+      : `${camera} (${sees ? "until" : "from"} ${later.toFixed(1)} s)`);
+    this.set("In view", sight.length > 0 ? sight.join(", ") : "–");
   }
 
   private set(label: string, text: string): void {

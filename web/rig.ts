@@ -8,9 +8,10 @@ import { byId, make, setText, show } from "./dom";
 interface CameraPlace { name: string; rms_px: number; calibration?: { state: string; compared_s: number; vote: number; turned_deg?: number; shifted_mm?: number } }
 interface Calibration { file: string; content: string; watched: boolean; report: boolean; proposal?: string; cameras: CameraPlace[] }
 
-const LOOKS: Record<string, string> = { in_order: "good", knocked: "bad", drifting: "weak", disputed: "weak" };
+const LOOKS: Record<string, string> = { in_order: "good", knocked: "bad", drifting: "weak", disputed: "weak", unfit: "bad" };
 const WORDS: Record<string, string> =
-  { unknown: "? not compared yet", in_order: "✓ in order", knocked: "× knocked", drifting: "! drifting", disputed: "! disputed" };
+  { unknown: "? not compared yet", in_order: "✓ in order", knocked: "× knocked", drifting: "! drifting", disputed: "! disputed",
+    unfit: "× wrong picture" };
 
 export class RigPanel {
   private readonly cameras = make("ul", "places");

@@ -107,12 +107,12 @@ export class Tile {
     this.element.classList.toggle("stale", stale || lost);
     this.element.classList.toggle("lost", lost);
     let note = "";
-    if (newest === undefined) note = "waiting for the first picture";
+    if (newest === undefined) note = lost ? "no signal" : "waiting for the first picture";
     else if (stale) note = `no picture for ${((now - newest) / 1000).toFixed(0)} s`;
     else if (lost) note = `no signal since ${(real.no_signal_since ?? "").slice(11, 19)} UTC`;
     show(this.note, note);
     this.chip.className = "chip " + (lost ? "bad" : stale ? "weak" : "good");
-    setText(this.chip, lost ? "no signal" : stale ? "stale" : "live");
+    setText(this.chip, lost ? "no signal" : newest === undefined ? "waiting" : stale ? "stale" : "live");
     this.canvas.setAttribute("aria-label", `Picture of ${this.name}, ${this.chip.textContent}`);
     show(this.problem, real?.problem ?? "");
     setText(this.facts, this.factsOf(camera, stale));

@@ -11,6 +11,7 @@
 #include <optional>
 
 #include "calibrate/calibrate_commands.hpp"
+#include "calibrate/capture_page.hpp"
 #include "calibrate/capture_progress.hpp"
 #include "calibrate/solve_arguments.hpp"
 #include "calibrate/solved_rig.hpp"
@@ -39,7 +40,8 @@ struct CaptureCommandOptions {
   int window = 0;
   size_t most = 200;
   bool moving = false, bend = false, resume = false, json = false;
-  bool corners_only = false;
+  bool corners_only = false, page = false;
+  std::optional<uint16_t> page_port;
   std::optional<double> seconds;
 };
 
@@ -142,7 +144,8 @@ Status check_present(const CaptureState& state, const std::vector<std::string>& 
 
 /// Until the report passes, a signal, the end of what is played, or enough of it.
 Status watch(const CaptureSession& session, const Signals& signals,
-             const std::vector<std::string>& names, const CaptureCommandOptions& o) {
+             const std::vector<std::string>& names, const CaptureCommandOptions& o,
+             CapturePage* page) {
   const Time start = MonotonicClock::now();
   CaptureProgressLine line(names);
   size_t kept = SIZE_MAX;
@@ -151,6 +154,7 @@ Status watch(const CaptureSession& session, const Signals& signals,
     const bool asked = signals.wait(kTurn) != 0;
     const CaptureState state = session.state();
     line.show(state);
+    if (page != nullptr) page->show(session, state);
     (void)log::flush(0ms);
     if (state.sets != kept || state.advice.words != words) {
       kept = state.sets;
@@ -200,7 +204,24 @@ Result<SolvedRig> solve_last(const CalibrationViews& views, const SolveOptions& 
   return *std::move(solved);
 }
 
-Status capture(const CaptureCommandOptions& o) {
+/// Where the installation has the daemon's page, under the same rules; null unless asked for.
+Result<std::unique_ptr<CapturePage>> start_page(const CaptureCommandOptions& o,
+                                                const Installation& rig,
+                                                const std::vector<std::string>& names) {
+  if (!o.page) return std::unique_ptr<CapturePage>();
+  HttpOptions options = rig.http.server;
+  if (o.page_port) options.port = *o.page_port;
+  auto page = CapturePage::start(options, names);
+  if (!page && page.error().code == ErrorCode::kUnavailable) {
+    return make_error(ErrorCode::kUnavailable, page.error().where,
+                      "{}; is a sightlined running? --page-port takes another", page.error().text);
+  }
+  if (page) std::fprintf(stderr, "page: %s\n", (*page)->address().c_str());
+  return page;
+}
+
+/// What came of it, in words; `page` outlives it, so that these can be shown.
+Result<std::string> capture(const CaptureCommandOptions& o, std::unique_ptr<CapturePage>& page) {
   SL_ASSIGN(const Signals signals, Signals::create());
   SL_ASSIGN(const Installation rig, open_installation(o));
   SL_ASSIGN(const CalibrationTarget target, find_target(o, rig));
@@ -209,8 +230,9 @@ Status capture(const CaptureCommandOptions& o) {
   for (const size_t i : chosen) names.push_back(rig.cameras[i].name);
   SL_RETURN_IF_ERROR(prepare_folder(o, rig));
   SL_ASSIGN(const CaptureSessionOptions options, session_options(o, target, names));
+  SL_ASSIGN(page, start_page(o, rig, names));
   SL_ASSIGN(const auto session, CaptureSession::start(rig, chosen, options));
-  const Status watched = watch(*session, signals, names, o);
+  const Status watched = watch(*session, signals, names, o, page.get());
   const auto at_the_end = session->solved();
   const CaptureState state = session->state();
   run_unless_asked(
@@ -223,8 +245,10 @@ Status capture(const CaptureCommandOptions& o) {
                       next_words(state, names));
   }
   if (o.corners_only) {
-    fmt::print("{} sets written: {}\n", views.sets, (o.out / "corners.csv").string());
-    return {};
+    const std::string words =
+        fmt::format("{} sets written: {}", views.sets, (o.out / "corners.csv").string());
+    fmt::print("{}\n", words);
+    return words;
   }
   std::optional<SolvedRig> solved;
   // Of all sets: what came after the solution is not thrown away.
@@ -236,11 +260,14 @@ Status capture(const CaptureCommandOptions& o) {
   }
   SL_RETURN_IF_ERROR(write_solved(o.out, views, *solved));
   print_solved(views, *solved, o.json, o.out);
-  return {};
+  return fmt::format("Done, {}: {}", to_string(solved->report.grade),
+                     (o.out / "report.html").string());
 }
 
 int run(const CaptureCommandOptions& options) {
-  const Status done = capture(options);
+  std::unique_ptr<CapturePage> page;
+  const Result<std::string> done = capture(options, page);
+  if (page) page->finish(done ? *done : done.error().message(), done.has_value());
   (void)log::flush(1s);
   return done ? 0 : report(done.error());
 }
@@ -289,6 +316,12 @@ void add_calibrate_capture(CLI::App& parent, Command& chosen) {
       ->check(CLI::PositiveNumber);
   command->add_option("--seconds", options->seconds, "stop after so long")
       ->check(CLI::PositiveNumber);
+  auto* page = command->add_flag(
+      "--page", options->page,
+      "shows the same as a page at the address of the installation's [http] (default: "
+      "http://127.0.0.1:8080/), for a phone at the rig");
+  command->add_option("--page-port", options->page_port, "at this port; 0: a free one")
+      ->needs(page);
   command->add_flag("--json", options->json, "print the report as JSON");
   command->callback([options, &chosen] { chosen = [options] { return run(*options); }; });
 }

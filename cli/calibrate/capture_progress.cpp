@@ -26,22 +26,22 @@ std::string bar(double share) {
   return std::string(filled, '#') + std::string(kWidth - filled, '.');
 }
 
-const char* hint(const CaptureStep& step) {
+}  // namespace
+
+std::string hint_words(const CaptureStep& step) {
   switch (step.kind) {
     case CaptureStep::Kind::kMoving:
-      return " (hold it still)";
+      return "hold it still";
     case CaptureStep::Kind::kBlurred:
-      return " (it is not sharp)";
+      return "it is not sharp";
     case CaptureStep::Kind::kTaken:
     case CaptureStep::Kind::kKnown:
-      return " (taken)";
+      return "taken";
     case CaptureStep::Kind::kNotSeen:
       break;
   }
   return "";
 }
-
-}  // namespace
 
 std::string next_words(const CaptureState& state, const std::vector<std::string>& cameras) {
   for (size_t c = 0; c < state.cameras.size(); ++c) {
@@ -66,8 +66,9 @@ std::string CaptureProgressLine::line(const CaptureState& state) const {
     return fmt::format("{} set{}, {:.0f} %; {}", state.sets, state.sets == 1 ? "" : "s",
                        100 * state.share, words);
   }
+  const std::string hint = state.passed ? "" : hint_words(state.step);
   return fmt::format("[{}] {:>3.0f} % {:>3} sets  {}{}", bar(state.share), 100 * state.share,
-                     state.sets, words, state.passed ? "" : hint(state.step));
+                     state.sets, words, hint.empty() ? "" : " (" + hint + ")");
 }
 
 void CaptureProgressLine::show(const CaptureState& state) {

@@ -77,23 +77,44 @@ Status run_check(const CheckCommandOptions& o) {
 struct WorldCommandOptions {
   ViewArguments views;
   std::filesystem::path calibration, out, points;
+  std::string motion;
+  std::optional<double> length;
 };
+
+Result<std::vector<CalibratedCamera>> place_by_motion(
+    const WorldCommandOptions& o, const std::vector<CalibratedCamera>& cameras) {
+  SL_ASSIGN(const WorldAxis axis, parse_world_axis(o.motion));
+  SL_ASSIGN(const CalibrationViews views, load_views(o.views));
+  SL_ASSIGN(const MotionPlacement placed, world_of_motion(views, cameras, axis, o.length));
+  fmt::print(
+      "{} along {:.1f} mm of motion, {} places, {:.2f} mm RMS beside the line; direction +- {:.3f} "
+      "deg; up turned by {:.3f} deg\n",
+      o.motion, 1e3 * placed.travel, placed.places, placed.rms_mm, placed.sigma_deg,
+      placed.up_turned_deg);
+  return placed.cameras;
+}
+
+Result<std::vector<CalibratedCamera>> place_world(const WorldCommandOptions& o,
+                                                  const std::vector<CalibratedCamera>& cameras) {
+  if (!o.motion.empty()) return place_by_motion(o, cameras);
+  if (o.points.empty()) {
+    SL_ASSIGN(const CalibrationViews views, load_views(o.views));
+    SL_ASSIGN(WorldPlacement placed, world_of_target(views, cameras));
+    return std::move(placed.cameras);
+  }
+  SL_ASSIGN(const std::string text, read_file(o.points, size_t{16} << 20));
+  SL_ASSIGN(const auto sights, parse_surveyed_points(text, o.points.string()));
+  SL_ASSIGN(WorldPlacement placed, world_of_points(sights, cameras));
+  fmt::print("{} points, {:.2f} mm RMS; the world is {:.5f} times as large as the rig measures\n",
+             placed.points, placed.rms_mm, placed.scale);
+  return std::move(placed.cameras);
+}
 
 Status run_world(const WorldCommandOptions& o) {
   SL_ASSIGN(const auto cameras, read_calibration(o.calibration));
-  std::optional<WorldPlacement> placed;
-  if (!o.points.empty()) {
-    SL_ASSIGN(const std::string text, read_file(o.points, size_t{16} << 20));
-    SL_ASSIGN(const auto sights, parse_surveyed_points(text, o.points.string()));
-    SL_ASSIGN(placed, world_of_points(sights, cameras));
-    fmt::print("{} points, {:.2f} mm RMS; the world is {:.5f} times as large as the rig measures\n",
-               placed->points, placed->rms_mm, placed->scale);
-  } else {
-    SL_ASSIGN(const CalibrationViews views, load_views(o.views));
-    SL_ASSIGN(placed, world_of_target(views, cameras));
-  }
-  SL_RETURN_IF_ERROR(write_calibration(o.out, placed->cameras));
-  for (const CalibratedCamera& c : placed->cameras) {
+  SL_ASSIGN(const auto placed, place_world(o, cameras));
+  SL_RETURN_IF_ERROR(write_calibration(o.out, placed));
+  for (const CalibratedCamera& c : placed) {
     const Eigen::Vector3d& t = c.world_from_camera.translation;
     fmt::print("{:<12} at {:8.4f} {:8.4f} {:8.4f} m\n", c.name, t.x(), t.y(), t.z());
   }
@@ -125,12 +146,23 @@ void add_calibrate_world(CLI::App& parent, Command& chosen) {
   auto options = std::make_shared<WorldCommandOptions>();
   options->views.by_any = true;
   auto* command = parent.add_subcommand(
-      "world", "puts the world where a target lies on the floor, or where surveyed points say");
+      "world",
+      "puts the world where a target lies on the floor, or where surveyed points say, or turns it "
+      "to how a target was moved");
   add_view_arguments(*command, options->views);
   command->add_option("--calibration", options->calibration, "whose world is moved")->required();
   command->add_option("--out", options->out, "calibration.toml to write")->required();
   command->add_option("--points", options->points,
                       "x,y,z,camera,u,v of points that are known in the world, instead of images");
+  auto* motion = command->add_option(
+      "--motion", options->motion,
+      "the target was moved along a straight line, in the order of the images: this axis of the "
+      "world (x, y, z, or --motion=-x)");
+  command
+      ->add_option("--length", options->length,
+                   "how far it was moved from end to end [m], to check the scale")
+      ->check(CLI::PositiveNumber)
+      ->needs(motion);
   command->callback(
       [options, &chosen] { chosen = [options] { return exit_of(run_world(*options)); }; });
 }

@@ -11,12 +11,9 @@
 
 #include "cameras/camera_probe.hpp"
 #include "cameras/camera_sync_command.hpp"
+#include "cameras/device_listing.hpp"
 #include "commands.hpp"
 #include "report.hpp"
-#include "sightline/capture/aravis/aravis_source.hpp"
-#include "sightline/capture/common/device_info.hpp"
-#include "sightline/capture/libcamera/libcamera_source.hpp"
-#include "sightline/capture/v4l2/v4l2_source.hpp"
 #include "sightline/pipeline/source_factory.hpp"
 #include "sightline/record/overlay_video.hpp"
 
@@ -25,29 +22,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-struct Listing {
-  std::vector<DeviceInfo> devices;
-  std::vector<std::string> notes;  // kinds that could not be asked
-};
-
-void add(Listing& listing, const char* kind, Result<std::vector<DeviceInfo>> found) {
-  if (!found) {
-    listing.notes.push_back(fmt::format("{}: {}", kind, found.error().message()));
-    return;
-  }
-  for (DeviceInfo& device : *found) listing.devices.push_back(std::move(device));
-}
-
-Listing list_all() {
-  Listing listing;
-  add(listing, "v4l2", list_v4l2());
-  add(listing, "aravis", list_aravis(true));
-  add(listing, "libcamera", list_libcamera());
-  return listing;
-}
-
-std::string source_of(const DeviceInfo& device) { return device.scheme + ":" + device.id; }
-
 std::string rates_of(const FormatInfo& format) {
   if (format.rates_hz.empty()) return "";
   const auto [low, high] = std::minmax_element(format.rates_hz.begin(), format.rates_hz.end());
@@ -55,27 +29,7 @@ std::string rates_of(const FormatInfo& format) {
                        : fmt::format(" {:.4g}..{:.4g} Hz", *low, *high);
 }
 
-Json json_of(const Listing& listing) {
-  Json json{{"cameras", Json::array()}, {"notes", listing.notes}};
-  for (const DeviceInfo& device : listing.devices) {
-    Json formats = Json::array();
-    for (const FormatInfo& format : device.formats) {
-      formats.push_back({{"format", format.pixel_format},
-                         {"width", format.width},
-                         {"height", format.height},
-                         {"rates_hz", format.rates_hz}});
-    }
-    json["cameras"].push_back({{"source", source_of(device)},
-                               {"model", device.model},
-                               {"serial", device.serial},
-                               {"where", device.where},
-                               {"formats", std::move(formats)},
-                               {"note", device.note}});
-  }
-  return json;
-}
-
-void print_table(const Listing& listing) {
+void print_table(const DeviceListing& listing) {
   size_t widest = 6;
   for (const DeviceInfo& device : listing.devices) {
     widest = std::max(widest, source_of(device).size());
@@ -165,7 +119,7 @@ int cameras(const CamerasOptions& options) {
     const Status done = probe_camera_of(options);
     return done ? 0 : report(done.error());
   }
-  const Listing listing = list_all();
+  const DeviceListing listing = list_devices();
   if (options.json) {
     // What devices call themselves need not be UTF-8.
     fmt::print("{}\n", json_of(listing).dump(2, ' ', false, Json::error_handler_t::replace));

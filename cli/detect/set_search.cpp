@@ -247,8 +247,8 @@ Result<std::vector<TruthRow>> truth_of(const std::filesystem::path& file,
 Status play(const SetSearchOptions& options, const std::shared_ptr<const Recording>& recording,
             SetSearcher& searcher, bool needs_truth, size_t every, const OnSet& on_set) {
   const Installation& installation = *searcher.object().installation;
-  SL_ASSIGN(auto replay,
-            VirtualReplay::open(recording, {}, time_offsets(*recording, installation)));
+  SL_ASSIGN(auto replay, VirtualReplay::open(recording, {}, time_offsets(*recording, installation),
+                                             axis_histories(*recording, installation)));
   std::vector<FramePtr> newest(recording->cameras.size());
   for (size_t judged = 0, done = 0; done < options.limit;) {
     SL_ASSIGN(const auto frames, replay->next());

@@ -145,6 +145,11 @@ std::string CaptureSession::page(bool over) const {
   return guide_.page(over);
 }
 
+size_t CaptureSession::links(size_t a, size_t b) const {
+  std::lock_guard lock(mutex_);
+  return guide_.links(a, b);
+}
+
 std::shared_ptr<const SolvedCapture> CaptureSession::solved() const {
   std::lock_guard lock(mutex_);
   return solved_;

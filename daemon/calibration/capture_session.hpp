@@ -60,6 +60,7 @@ class CaptureSession {
   CalibrationViews views() const;
   std::string coverage_svg(size_t camera) const;
   std::string page(bool over) const;
+  size_t links(size_t a, size_t b) const;  ///< sets in which both cameras saw it
   /// Of the newest solution, whether it passes or not.
   std::shared_ptr<const SolvedCapture> solved() const;
 

@@ -50,7 +50,8 @@ RecordingList::Recording look_into(const fs::path& folder, RecordingKind kind) {
   return found;
 }
 
-// What may go by itself: a whole recording, or of a viewing one a segment.
+// What may go by itself: a whole recording, of a viewing one a segment, of a log of poses that is
+// being written a file that is full.
 struct Unit {
   int64_t changed = 0;
   fs::path path;
@@ -61,6 +62,24 @@ struct Unit {
 // "left-0007.mp4" -> "left-"
 std::string camera_of(const std::string& segment) {
   return segment.substr(0, segment.find_last_of('-') + 1);
+}
+
+// All but the newest: poses.mcap, poses-0002.mcap, ...
+void add_full_logs(const RecordingList& list, size_t index, std::vector<Unit>& units) {
+  const auto& recording = list.recordings[index];
+  const auto is_log = [](const RecordingList::File& file) { return file.name.ends_with(".mcap"); };
+  const auto number = [](const RecordingList::File& file) {
+    return file.name == "poses.mcap" ? std::string() : file.name;
+  };
+  const RecordingList::File* newest = nullptr;
+  for (const auto& file : recording.files) {
+    if (is_log(file) && (newest == nullptr || number(file) > number(*newest))) newest = &file;
+  }
+  for (const auto& file : recording.files) {
+    if (!is_log(file) || &file == newest) continue;
+    units.push_back(
+        {file.changed_utc_ns, list.directory / recording.name / file.name, index, file.bytes});
+  }
 }
 
 std::vector<Unit> units_of(const RecordingList& list, const std::set<fs::path>& active) {
@@ -74,6 +93,8 @@ std::vector<Unit> units_of(const RecordingList& list, const std::set<fs::path>& 
       const bool fresh = utc_now_ns() - recording.changed_utc_ns < kFresh_ns;
       if (!running && !fresh) {
         units.push_back({recording.changed_utc_ns, folder, i, recording.bytes});
+      } else if (recording.kind == RecordingKind::kPoses) {
+        add_full_logs(list, i, units);
       }
       continue;
     }

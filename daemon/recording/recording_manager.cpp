@@ -91,6 +91,7 @@ std::shared_ptr<RecordingManager> RecordingManager::start(Registry& registry, He
   manager->config_.publish(std::make_shared<const RecordConfig>());
   manager->viewing_ = RecordingSinkWorker::start(RecordingKind::kViewing, registry, beats);
   manager->poses_ = RecordingSinkWorker::start(RecordingKind::kPoses, registry, beats);
+  manager->viewing_->pass_on_to(manager->poses_);
   manager->library_ =
       RecordingLibrary::start(registry, beats, std::move(waker), [raw = manager.get()] {
         std::set<std::filesystem::path> active;
@@ -119,12 +120,13 @@ void RecordingManager::configure(const RecordConfig& config, const std::vector<Z
                        [options = config.viewing](const std::filesystem::path& folder) {
                          return make_viewing_writer(folder, options);
                        },
-                       ready(RecordingKind::kViewing)});
-  poses_->configure({config.directory,
-                     [files = config.pose_files](const std::filesystem::path& folder) {
-                       return make_poses_writer(folder, files);
-                     },
-                     ready(RecordingKind::kPoses)});
+                       true, ready(RecordingKind::kViewing)});
+  poses_->configure(
+      {config.directory,
+       [files = config.pose_files, parts = config.viewing](const std::filesystem::path& folder) {
+         return make_poses_writer(folder, files, parts);
+       },
+       config.pose_video && config.pose_files != PoseFiles::kCsv, ready(RecordingKind::kPoses)});
   library_->configure(config.directory, static_cast<uint64_t>(config.quota_gb * 1e9));
   for (const auto& [kind, recorder] :
        {std::pair(RecordingKind::kViewing, viewing_), std::pair(RecordingKind::kPoses, poses_)}) {

@@ -14,7 +14,9 @@ namespace fs = std::filesystem;
 
 namespace {
 
+// Of packets; poses are small, and never give way to them.
 constexpr size_t kMaxQueuedBytes = size_t{64} << 20;
+constexpr size_t kMaxQueuedPackets = 3072;  // of the queue's 4096
 constexpr size_t kMaxRingBytes = size_t{256} << 20;
 // Beside what is asked for, so that a key frame is there: the longest way from one to the next at
 // the encoder's default.
@@ -42,6 +44,7 @@ std::shared_ptr<RecordingSinkWorker> RecordingSinkWorker::start(RecordingKind ki
 RecordingSinkWorker::RecordingSinkWorker(RecordingKind kind, Registry& registry)
     : kind_(kind),
       name_(to_string(kind)),
+      takes_video_(kind == RecordingKind::kViewing),
       dropped_(registry.counter("sightline_recording_dropped_total",
                                 "Packets and poses that the disk had no time for", labels(kind))),
       written_counter_(registry.counter("sightline_recording_written_total",
@@ -57,6 +60,7 @@ RecordingSinkWorker::RecordingSinkWorker(RecordingKind kind, Registry& registry)
 void RecordingSinkWorker::configure(RecordingSinkSettings settings) {
   const std::lock_guard lock(mutex_);
   settings_ = std::move(settings);
+  takes_video_ = settings_.video;
   ++settings_version_;
   update_wants();
 }
@@ -97,12 +101,6 @@ RecordingSinkStatus RecordingSinkWorker::status() const {
 }
 
 void RecordingSinkWorker::push_entry(Entry entry) {
-  const size_t bytes = entry.bytes;
-  if (queued_bytes_.fetch_add(bytes) + bytes > kMaxQueuedBytes) {
-    queued_bytes_ -= bytes;
-    dropped_.add();
-    return;
-  }
   if (const auto gone = queue_.push(std::move(entry))) {
     queued_bytes_ -= gone->bytes;
     dropped_.add();
@@ -110,16 +108,23 @@ void RecordingSinkWorker::push_entry(Entry entry) {
 }
 
 void RecordingSinkWorker::push(ViewPacket packet) {
-  if (!wants_) return;
+  if (log_) log_->push(packet);
+  if (!wants_ || !takes_video_) return;
   const Time time = packet.packet.capture;
   const size_t bytes = packet.packet.bytes->size();
+  if (queued_bytes_.fetch_add(bytes) + bytes > kMaxQueuedBytes ||
+      queue_.size() >= kMaxQueuedPackets) {
+    queued_bytes_ -= bytes;
+    dropped_.add();
+    return;
+  }
   push_entry({std::move(packet), time, bytes});
 }
 
 void RecordingSinkWorker::push(PoseFeed::Entry pose) {
   if (!wants_) return;
   const Time time = pose.estimate.time;
-  push_entry({std::move(pose), time, sizeof(PoseFeed::Entry)});
+  push_entry({std::move(pose), time, 0});
 }
 
 void RecordingSinkWorker::run(const std::stop_token& stop, Heartbeat& heartbeat) {
@@ -196,10 +201,22 @@ Status RecordingSinkWorker::open() {
     problem_.clear();
     since_utc_ns_ = utc_now_ns();
   }
-  std::deque<Entry> before;
-  before.swap(ring_);
+  return write_ring();
+}
+
+// What was kept from before, in the order of time.
+Status RecordingSinkWorker::write_ring() {
+  std::deque<Entry> packets, poses;
+  packets.swap(packet_ring_);
+  poses.swap(pose_ring_);
   ring_bytes_ = 0;
-  for (const Entry& entry : before) SL_RETURN_IF_ERROR(write(entry));
+  while (!packets.empty() || !poses.empty()) {
+    const bool packet_first =
+        !packets.empty() && (poses.empty() || packets.front().time <= poses.front().time);
+    std::deque<Entry>& from = packet_first ? packets : poses;
+    SL_RETURN_IF_ERROR(write(from.front()));
+    from.pop_front();
+  }
   return {};
 }
 
@@ -221,12 +238,15 @@ Status RecordingSinkWorker::write(const Entry& entry) {
 
 void RecordingSinkWorker::keep(Entry entry) {
   if (now_.before <= 0ns) return;
+  const Time oldest = entry.time - now_.before - kToKeyframe;
   ring_bytes_ += entry.bytes;
-  ring_.push_back(std::move(entry));
-  const Time oldest = ring_.back().time - now_.before - kToKeyframe;
-  while (!ring_.empty() && (ring_.front().time < oldest || ring_bytes_ > kMaxRingBytes)) {
-    ring_bytes_ -= ring_.front().bytes;
-    ring_.pop_front();
+  const bool is_packet = std::holds_alternative<ViewPacket>(entry.what);
+  (is_packet ? packet_ring_ : pose_ring_).push_back(std::move(entry));
+  while (!pose_ring_.empty() && pose_ring_.front().time < oldest) pose_ring_.pop_front();
+  while (!packet_ring_.empty() &&
+         (packet_ring_.front().time < oldest || ring_bytes_ > kMaxRingBytes)) {
+    ring_bytes_ -= packet_ring_.front().bytes;
+    packet_ring_.pop_front();
   }
 }
 

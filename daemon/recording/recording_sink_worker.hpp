@@ -24,7 +24,8 @@ struct RecordingSinkSettings {
   std::filesystem::path directory;  ///< empty: none are made
   /// Makes the writer of a new folder; called on the recorder's thread.
   std::function<Result<std::unique_ptr<RecordingSink>>(const std::filesystem::path&)> open{};
-  Duration before{};  ///< kept ready at all times, so that a recording begins so long ago; 0: none
+  bool video = false;  ///< also the packets of streams
+  Duration before{};   ///< kept ready at all times, so that a recording begins so long ago; 0: none
 };
 
 struct RecordingSinkStatus {
@@ -51,10 +52,13 @@ class RecordingSinkWorker {
   /// `why` is for the log.
   void begin(std::optional<Duration> for_at_most, const std::string& why);
   void end(const std::string& why);
-  /// Somebody has use for push().
+  /// Packets that are handed over go there, too, where it takes any. Before anybody else knows it.
+  void pass_on_to(std::shared_ptr<RecordingSinkWorker> log) { log_ = std::move(log); }
+  /// Somebody has use for push() of packets; of poses.
+  bool wants_video() const { return (wants_ && takes_video_) || (log_ && log_->wants_video()); }
   bool wants() const { return wants_; }
   /// One more with every recording that began without anything from before.
-  uint64_t begun() const { return begun_; }
+  uint64_t begun() const { return begun_ + (log_ ? log_->begun() : 0); }
   void push(ViewPacket packet);
   void push(PoseFeed::Entry pose);
   RecordingSinkStatus status() const;
@@ -88,6 +92,7 @@ class RecordingSinkWorker {
   void close(const char* why);
   void fail(const Error& error);
   Status write(const Entry& entry);
+  Status write_ring();
   void keep(Entry entry);
   void flush_if_due(Time now);
   void update_wants();
@@ -96,7 +101,8 @@ class RecordingSinkWorker {
   const std::string name_;
   BoundedQueue<Entry> queue_{4096};
   std::atomic<size_t> queued_bytes_{0};
-  std::atomic<bool> wants_{false};
+  std::atomic<bool> wants_{false}, takes_video_;
+  std::shared_ptr<RecordingSinkWorker> log_;  // null: there is none
   std::atomic<uint64_t> begun_{0}, written_{0};
   Counter &dropped_, &written_counter_, &failures_;
   Gauge &running_, &failing_;
@@ -114,9 +120,9 @@ class RecordingSinkWorker {
   RecordingSinkSettings now_;
   uint64_t now_version_ = 0;
   std::unique_ptr<RecordingSink> writer_;
-  std::deque<Entry> ring_;
-  size_t ring_bytes_ = 0;
-  Duration wait_{};  // before the next attempt
+  std::deque<Entry> packet_ring_, pose_ring_;
+  size_t ring_bytes_ = 0;  // of the packets
+  Duration wait_{};        // before the next attempt
   Time next_try_{}, opened_{}, last_flush_{}, last_sync_{};
   WatchedThread thread_;
 };

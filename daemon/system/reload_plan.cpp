@@ -54,8 +54,10 @@ ReloadPlan plan_reload(const Installation& before, const Installation& after,
   const bool objects = changes.object_ids || !changes.objects_added.empty() ||
                        !changes.objects_removed.empty() || !changes.objects_changed.empty();
   plan.rig = objects || cameras || changes.scene || changes.surfaces;
-  plan.fusion =
-      objects || changes.estimator || changes.watch || another_camera(fusion_cameras, after);
+  // CameraIds of other hosts follow this one's.
+  const bool moved = changes.cell || (after.cell.enabled() && cameras);
+  plan.fusion = objects || changes.estimator || changes.watch || moved ||
+                another_camera(fusion_cameras, after);
   plan.observers = plan.fusion || changes.scene || changes.surfaces || changes.observe;
   plan.renderers = plan.observers || changes.render || changes.encoder;
   plan.encoder = changes.encoder;
@@ -69,6 +71,7 @@ ReloadPlan plan_reload(const Installation& before, const Installation& after,
   plan.http = changes.http;
   plan.actions = changes.action;
   plan.mqtt = changes.mqtt;
+  plan.cell = plan.fusion;
   return plan;
 }
 

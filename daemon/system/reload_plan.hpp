@@ -17,7 +17,7 @@ struct ReloadPlan {
   bool encoder = false;
   bool search = false, points = false, views = false;
   bool watch = false;  ///< over the cameras' places
-  bool recorder = false, rtsp = false, http = false, actions = false, mqtt = false;
+  bool recorder = false, rtsp = false, http = false, actions = false, mqtt = false, cell = false;
 
   /// By index in the new installation. A camera that goes on keeps its CameraId.
   enum class Camera { kKeep, kRestyle, kRestart };

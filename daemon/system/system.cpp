@@ -43,8 +43,12 @@ Status System::hint(const std::string& object, const SearchHint& hint) const {
 
 Status System::forget(const std::string& object) const {
   SL_ASSIGN(const ObjectId id, find_object(installation, object));
+  if (!fuses(installation.cell.role) && (!cell || cell->status().fusion.empty())) {
+    return make_error(ErrorCode::kUnavailable, object,
+                      "another host keeps the estimates, and none is there now");
+  }
   if (search) search->forget(id);
-  if (fusion) fusion->forget(id);
+  if (fusion && fuses(installation.cell.role)) fusion->forget(id);
   return {};
 }
 
@@ -72,6 +76,7 @@ Status System::stop(StopLeft& left) const {
     left.what.emplace_back("the last poses");
   }
   if (mqtt && !mqtt->stop_unless_waiting(rest(kForDevices))) left.what.emplace_back("MQTT");
+  if (cell && !cell->stop_unless_waiting(rest(kForDevices))) left.what.emplace_back("the cell");
   if (calibration && !calibration->stop_unless_waiting(rest(kForRecording))) {
     left.what.emplace_back("the proposed calibration");
   }

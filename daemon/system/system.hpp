@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "cell/cell_worker.hpp"
 #include "recording/zone_watch.hpp"
 #include "sightline/config/installation.hpp"
 #include "sightline/pipeline/rig.hpp"
@@ -35,6 +36,7 @@ struct System {
   std::shared_ptr<const Rig> rig{};
   std::shared_ptr<TrackBoard> board{};
   std::shared_ptr<FusionWorker> fusion{};
+  std::shared_ptr<SceneReferences> rooms{};  ///< what each camera has seen of its room
   /// By CameraId: whose observations `fusion` has been given, also of cameras that have gone since.
   /// What it has learned of a camera goes by its CameraId.
   std::vector<std::string> fusion_cameras{};
@@ -47,6 +49,7 @@ struct System {
   std::vector<std::shared_ptr<VirtualCameraWorker>> views{};
   std::shared_ptr<ActionWorker> actions{};           ///< null: none are sent
   std::shared_ptr<MqttWorker> mqtt{};                ///< null: no broker
+  std::shared_ptr<CellWorker> cell{};                ///< null: the rig has one host
   std::shared_ptr<CalibrationKeeper> calibration{};  ///< null: nobody watches
   std::shared_ptr<ZoneWatch> zones{};                ///< never null while it runs
   std::shared_ptr<LastPoseKeeper> last_poses{};      ///< null: no object starts where it was last

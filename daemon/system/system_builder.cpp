@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "axes/axes_worker.hpp"
 #include "sightline/base/files.hpp"
 #include "sightline/pipeline/calibration_proposal.hpp"
 #include "sightline/pipeline/parallel.hpp"
@@ -53,6 +54,31 @@ void hint_last_poses(const Installation& installation, ObjectSearch& search) {
 
 }  // namespace
 
+FusionWorker::OnEstimate on_estimate(const SystemContext& context, const Rig& rig) {
+  return [taps = context.taps, poses = context.poses, recordings = context.recordings,
+          events = std::make_shared<ObjectEvents>(rig.names())](const PoseEstimate& estimate,
+                                                                FusionWorker::Cause cause) {
+    poses->push(estimate);
+    events->take(estimate);
+    recordings->push(estimate, cause == FusionWorker::Cause::kFrame);
+    if (const auto cell = taps->cell.read()) cell->push(estimate, cause);
+    if (cause != FusionWorker::Cause::kFrame) return;
+    if (const auto recorder = taps->recorder.read()) recorder->push(estimate);
+  };
+}
+
+std::function<void(Observation)> to_fusion(const SystemContext& context, const System& system,
+                                           LatencyHistogram* latency) {
+  if (fuses(system.installation.cell.role)) {
+    return [fusion = system.fusion, latency](Observation observation) {
+      fusion->push(std::move(observation), latency);
+    };
+  }
+  return [taps = context.taps](const Observation& observation) {
+    if (const auto cell = taps->cell.read()) cell->push(observation);
+  };
+}
+
 EncoderOptions encoder_options(const Installation& installation, const CameraConfig& camera) {
   EncoderOptions options = installation.encoder;
   options.width = camera.calibration.model.width();
@@ -80,21 +106,21 @@ Result<SystemDraft> SystemBuilder::prepare(Installation next, std::stop_token st
   SL_RETURN_IF_ERROR(check_not_stopped(stop));
   if (draft.plan.fusion || !old_.fusion) {
     system.board = std::make_shared<TrackBoard>(system.rig->objects.size());
-    const auto hear = [taps = context_.taps, poses = context_.poses,
-                       recordings = context_.recordings,
-                       events = std::make_shared<ObjectEvents>(system.rig->names())](
-                          const PoseEstimate& estimate, FusionWorker::Cause cause) {
-      poses->push(estimate);
-      events->take(estimate);
-      recordings->push(estimate, cause == FusionWorker::Cause::kFrame);
-      if (cause != FusionWorker::Cause::kFrame) return;
-      if (const auto recorder = taps->recorder.read()) recorder->push(estimate);
-    };
-    SL_ASSIGN(system.fusion,
-              FusionWorker::start(now.estimator, system.rig->names(), system.rig->shape_symmetry(),
-                                  system.board, make_calibration_watch(now, *system.rig),
-                                  context_.registry, context_.beats, hear));
+    // A host that takes the estimates of another one has nothing to publish of its own.
+    const bool own = fuses(now.cell.role);
+    SL_ASSIGN(
+        system.fusion,
+        FusionWorker::start(now.estimator, system.rig->names(), system.rig->shape_symmetry(),
+                            own ? system.board : nullptr,
+                            own ? make_calibration_watch(now, *system.rig) : nullptr,
+                            context_.registry, context_.beats,
+                            own ? on_estimate(context_, *system.rig) : FusionWorker::OnEstimate()));
     system.fusion_cameras.clear();
+  }
+  if (!system.rooms) {
+    system.rooms = std::make_shared<SceneReferences>();
+    // Also where none is watched: a reload may change that, and would write the file anew.
+    read_scene(scene_file(now), *system.rooms);
   }
   system.fusion_cameras.resize(std::max(system.fusion_cameras.size(), now.cameras.size()));
   for (size_t i = 0; i < now.cameras.size(); ++i) system.fusion_cameras[i] = now.cameras[i].name;
@@ -161,11 +187,21 @@ Result<CameraParts> SystemBuilder::camera_parts(const SystemDraft& draft, Camera
   if (streams_camera(now, config)) {
     SL_ASSIGN(parts.draw, draw_stage(draft.system, id));
   }
-  parts.open_source = context_.sources.opener(config, id, records(now));
+  add_source(parts, config, records(now));
   parts.on_frame = [taps = context_.taps, observed = observes(config.role)](const FramePtr& frame) {
     taps->push(frame, observed);
   };
   return parts;
+}
+
+// What reads the angles of a camera that turns lives as long as its worker.
+void SystemBuilder::add_source(CameraParts& parts, const CameraConfig& config, bool payload) const {
+  if (!config.calibration.axes || config.axes.protocol == AxisProtocol::kNone) {
+    parts.open_source = context_.sources.opener(config, parts.id, payload);
+    return;
+  }
+  parts.head = AxesWorker::start(config, context_.registry, context_.beats);
+  parts.open_source = context_.sources.opener(config, parts.id, payload, parts.head->history());
 }
 
 Result<SystemDraft::Stages> SystemBuilder::camera_stages(const SystemDraft& draft,
@@ -194,8 +230,9 @@ Result<ObserveStage> SystemBuilder::observe_stage(const System& next, CameraId i
   stage.board = next.board;
   const std::string& name = next.installation.cameras[id.index()].name;
   stage.on_observation =
-      [fusion = next.fusion, &fused = stage_latency(context_.registry, name, "fused")](
-          Observation observation) { fusion->push(std::move(observation), &fused); };
+      to_fusion(context_, next, &stage_latency(context_.registry, name, "fused"));
+  stage.room = RoomWatch::create(next.installation, *next.rig, id, next.rooms);
+  stage.on_scene = [fusion = next.fusion](SceneLook look) { fusion->push(std::move(look)); };
   return stage;
 }
 

@@ -49,7 +49,8 @@ struct SystemContext {
   std::shared_ptr<RecordingManager> recordings;
   std::shared_ptr<WhepService> whep;
   HttpContent http{};
-  std::function<void()> request_reload{};  ///< empty: this program does not reload
+  std::function<void(const CellOrder&)> on_order{};  ///< of an operator at another host
+  std::function<void()> request_reload{};            ///< empty: this program does not reload
 };
 
 /// Makes a system for an installation beside the one that runs. Threads: any, one at a time.
@@ -63,6 +64,7 @@ class SystemBuilder {
   Status prepare_cameras(SystemDraft& draft, const std::stop_token& stop) const;
   Status prepare_servers(SystemDraft& draft) const;
   Result<CameraParts> camera_parts(const SystemDraft& draft, CameraId id) const;
+  void add_source(CameraParts& parts, const CameraConfig& config, bool payload) const;
   Result<SystemDraft::Stages> camera_stages(const SystemDraft& draft, CameraId id) const;
   Result<ObserveStage> observe_stage(const System& next, CameraId id) const;
   Result<DrawStage> draw_stage(const System& next, CameraId id) const;
@@ -76,6 +78,12 @@ class SystemBuilder {
   const SystemContext& context_;
   const System& old_;
 };
+
+/// Who hears of estimates, wherever they are made: clients, recordings, the log, the cell.
+FusionWorker::OnEstimate on_estimate(const SystemContext& context, const Rig& rig);
+/// Where observations go: to this host's estimators, or to the cell's.
+std::function<void(Observation)> to_fusion(const SystemContext& context, const System& system,
+                                           LatencyHistogram* latency);
 
 /// Of a camera's stream.
 EncoderOptions encoder_options(const Installation& installation, const CameraConfig& camera);

@@ -73,13 +73,16 @@ Status SystemExchange::switch_over() {
   // Estimates and frames of the old numbering are not for the new recording.
   if (draft_.plan.recorder) context_.taps->recorder.publish(nullptr);
   if (draft_.plan.search) context_.taps->search.publish(nullptr);
+  if (draft_.plan.cell) context_.taps->cell.publish(nullptr);
   if (draft_.plan.points) context_.taps->points.publish(nullptr);
   stop_leaving();
   exchange_stages();
   if (old_.fusion && next_.fusion != old_.fusion) old_.fusion->stop();
   rename_poses();
+  start_cell();
   SL_RETURN_IF_ERROR(move_streams());
   SL_RETURN_IF_ERROR(start_cameras());
+  start_following();
   SL_RETURN_IF_ERROR(start_views());
   context_.taps->recorder.publish(next_.recorder);
   start_search();
@@ -229,6 +232,14 @@ Status SystemExchange::start_cameras() {
   return {};
 }
 
+void SystemExchange::start_following() {
+  for (size_t i = 0; i < next_.cameras.size(); ++i) {
+    const auto& head = next_.cameras[i]->head();
+    if (!head || !head->follows()) continue;
+    head->follow(follow_scene(next_.installation.cameras[i].follow, *next_.rig, next_.board));
+  }
+}
+
 Status SystemExchange::start_views() {
   for (VirtualCameraParts& parts : draft_.views) {
     EncoderOptions options = next_.installation.encoder;
@@ -253,9 +264,10 @@ void SystemExchange::start_search() {
   if (draft_.search) {
     next_.search = SearchWorker::start(
         std::move(draft_.search), next_.cameras.size(), next_.board,
-        [fusion = next_.fusion](Observation found) { fusion->push(std::move(found)); },
-        [fusion = next_.fusion](ObjectId object, bool doubted) {
+        to_fusion(context_, next_, nullptr),
+        [fusion = next_.fusion, taps = context_.taps](ObjectId object, bool doubted) {
           fusion->set_doubted(object, doubted);
+          if (const auto cell = taps->cell.read()) cell->set_doubted(object, doubted);
         },
         context_.registry, context_.beats);
   }
@@ -281,10 +293,16 @@ void SystemExchange::watch_calibration() {
   if (old_.calibration) (void)old_.calibration->stop_unless_waiting(std::chrono::seconds(1));
   next_.calibration.reset();
   next_.fusion->set_cameras(watched_places(now));
+  std::set<std::string> names;
+  for (const CameraConfig& camera : now.cameras) names.insert(camera.name);
+  next_.rooms->keep_only(names);
   if (!now.watch.enabled) return;
   next_.calibration = CalibrationKeeper::start(
-      {proposal_file(now.calibration, state_folder()), context_.request_reload}, now, next_.fusion,
-      context_.registry, context_.beats);
+      {.proposal = proposal_file(now.calibration, state_folder()),
+       .rooms_file = now.watch.background ? scene_file(now) : std::filesystem::path(),
+       .rooms = next_.rooms,
+       .request_reload = context_.request_reload},
+      now, next_.fusion, context_.registry, context_.beats);
 }
 
 void SystemExchange::start_actions() {
@@ -299,6 +317,26 @@ void SystemExchange::start_mqtt() {
   if (old_.mqtt) (void)old_.mqtt->stop_unless_waiting(std::chrono::seconds(1));
   next_.mqtt =
       MqttWorker::start(next_.installation.mqtt, context_.poses, context_.registry, context_.beats);
+}
+
+void SystemExchange::start_cell() {
+  if (!draft_.plan.cell) return;
+  if (old_.cell) (void)old_.cell->stop_unless_waiting(std::chrono::seconds(1));
+  const Installation& now = next_.installation;
+  std::vector<CellHostState::Camera> cameras;
+  for (const CameraConfig& camera : now.cameras) {
+    cameras.push_back({camera.name, camera_hash(camera.calibration)});
+  }
+  next_.cell = CellWorker::start({.options = now.cell,
+                                  .cameras = std::move(cameras),
+                                  .names = feed_names(next_),
+                                  .noise = now.estimator.noise,
+                                  .board = next_.board,
+                                  .fusion = next_.fusion,
+                                  .on_estimate = on_estimate(context_, *next_.rig),
+                                  .on_order = context_.on_order},
+                                 context_.registry, context_.beats);
+  context_.taps->cell.publish(next_.cell);
 }
 
 void SystemExchange::retire_old() {

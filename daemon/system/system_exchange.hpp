@@ -44,10 +44,12 @@ class SystemExchange {
   void exchange_stages();
   void rename_poses();
   Status start_cameras();
+  void start_following();
   Status start_views();
   void start_search();
   void start_actions();
   void start_mqtt();
+  void start_cell();
   void keep_last_poses();
   void watch_calibration();
   /// The stream that a worker of this name had, if its images are of the same size and rate.

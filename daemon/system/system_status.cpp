@@ -8,13 +8,21 @@
 #include "sightline/base/files.hpp"
 #include "sightline/calibrate/calibration_file.hpp"
 #include "web/calibration_json.hpp"
+#include "web/head_json.hpp"
 #include "web/pose_json.hpp"
+#include "web/sight_json.hpp"
 #include "web/utc_text.hpp"
 
 namespace sightline {
 namespace {
 
 using Json = nlohmann::ordered_json;
+
+// What others sent may stand in it, and need not be UTF-8.
+std::string text_of(const Json& json, int indent) {
+  return json.dump(indent, ' ', false, Json::error_handler_t::replace);
+}
+std::string lines_of(const Json& json) { return text_of(json, 2) + "\n"; }
 
 Json camera_json(const CameraWorker& camera) {
   const CameraStatus status = camera.status();
@@ -131,12 +139,43 @@ std::string status_line(const System& system, const ConfigReport& config,
 
 namespace {
 
+Json cell_json(const CellWorker& cell) {
+  const CellStatus status = cell.status();
+  const CellOptions& options = cell.options();
+  Json json{{"name", options.name},
+            {"host", options.host},
+            {"broker", fmt::format("{}:{}", options.broker.host, options.broker.port)},
+            {"connected", status.connected},
+            {"fusion", status.fusion},
+            {"refused", status.refused},
+            {"clock_fit", status.clock.fit},
+            {"clock_bound_s", to_seconds(status.clock.bound)},
+            {"clock", status.clock.text}};
+  if (!status.problem.empty()) json["problem"] = status.problem;
+  json["hosts"] = Json::array();
+  static constexpr const char* kRoles[] = {"both", "cameras", "fusion"};
+  for (const CellHostState& host : status.hosts) {
+    Json entry{{"host", host.host},
+               {"role", kRoles[static_cast<size_t>(host.role)]},
+               {"online", host.online},
+               {"clock_fit", host.clock_fit},
+               {"clock_bound_s", to_seconds(host.clock_bound)},
+               {"clock", host.clock},
+               {"cameras", Json::array()}};
+    for (const CellHostState::Camera& camera : host.cameras)
+      entry["cameras"].push_back(camera.name);
+    json["hosts"].push_back(std::move(entry));
+  }
+  return json;
+}
+
 Json cameras_array(const System& system) {
   Json cameras = Json::array();
   const auto watches = system.fusion ? system.fusion->calibration() : nullptr;
   const bool watched = watches && system.calibration;
   for (size_t i = 0; i < system.cameras.size(); ++i) {
     cameras.push_back(camera_json(*system.cameras[i]));
+    if (const auto& head = system.cameras[i]->head()) add_head(*head, *system.rig, cameras.back());
     if (!watched || i >= watches->size() || !system.cameras[i]->observes()) continue;
     add_calibration((*watches)[i], system.installation.cameras[i].calibration.world_from_camera,
                     system.calibration->proposal(), cameras.back());
@@ -148,13 +187,18 @@ Json objects_array(const System& system) {
   Json objects = Json::array();
   std::vector<std::string> camera_names;
   for (const auto& camera : system.cameras) camera_names.push_back(camera->name());
+  for (const RemoteCamera& camera : system.installation.cell.cameras) {
+    camera_names.push_back(camera.name);
+  }
   std::vector<PoseTrackPtr> tracks;
   if (system.board) system.board->read(tracks);
   const auto zones = system.zones ? system.zones->inside() : nullptr;
+  const auto sight = sight_cameras(system);
   const auto checks = system.points ? system.points->checks() : std::vector<PointCheck>();
   for (size_t i = 0; i < tracks.size(); ++i) {
     objects.push_back(object_json(system.rig->objects[i].named, tracks[i], camera_names,
                                   i < checks.size() ? &checks[i] : nullptr));
+    if (tracks[i] && !tracks[i]->empty()) add_sight(system, *tracks[i], sight, objects.back());
     if (!zones) continue;
     objects.back()["zones"] = i < zones->size() ? (*zones)[i] : std::vector<std::string>();
   }
@@ -203,26 +247,27 @@ std::string state_json(const System& system, const ConfigReport& config,
         {"connected", mqtt.connected}};
     if (!mqtt.problem.empty()) json["mqtt"]["problem"] = mqtt.problem;
   }
+  if (system.cell) json["cell"] = cell_json(*system.cell);
   for (const ThreadWait& wait : waits) json["waiting"].push_back(wait_json(wait));
   json["cameras"] = cameras_array(system);
   json["virtual_cameras"] = views_array(system);
   json["objects"] = objects_array(system);
-  return layout == Layout::kLines ? json.dump(2) + "\n" : json.dump();
+  return layout == Layout::kLines ? lines_of(json) : text_of(json, -1);
 }
 
-std::string cameras_json(const System& system) { return cameras_array(system).dump(2) + "\n"; }
-std::string objects_json(const System& system) { return objects_array(system).dump(2) + "\n"; }
+std::string cameras_json(const System& system) { return lines_of(cameras_array(system)); }
+std::string objects_json(const System& system) { return lines_of(objects_array(system)); }
 
 std::optional<std::string> camera_json(const System& system, const std::string& name) {
   for (const Json& camera : cameras_array(system)) {
-    if (camera["name"] == name) return camera.dump(2) + "\n";
+    if (camera["name"] == name) return lines_of(camera);
   }
   return std::nullopt;
 }
 
 std::optional<std::string> object_json(const System& system, const std::string& name) {
   for (const Json& object : objects_array(system)) {
-    if (object["name"] == name) return object.dump(2) + "\n";
+    if (object["name"] == name) return lines_of(object);
   }
   return std::nullopt;
 }
@@ -233,6 +278,9 @@ FeedNames feed_names(const System& system) {
   for (const CameraConfig& camera : system.installation.cameras) {
     names.cameras.push_back(camera.name);
     calibration.push_back(camera.calibration);
+  }
+  for (const RemoteCamera& camera : system.installation.cell.cameras) {
+    names.cameras.push_back(camera.name);
   }
   if (system.rig) {  // else the system is being started
     for (const RigObject& object : system.rig->objects) names.objects.push_back(object.named.name);

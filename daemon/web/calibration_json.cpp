@@ -32,11 +32,17 @@ void add_calibration(const CameraWatch& watch, const Rigid3& world_from_camera,
   Json json{{"state", to_string(watch.state)},
             {"compared_s", std::round(watch.compared_s * 10) / 10},
             {"vote", watch.vote}};
-  if (is_wrong(watch.state) || watch.state == CalibrationState::kDisputed) {
+  if (watch.patches > 0) json["room_patches"] = watch.patches;
+  if (watch.state == CalibrationState::kUnfit) {
+    if (!watch.looks_like.empty()) json["looks_like"] = watch.looks_like;
+    if (watch.zoom != 1) json["zoom"] = watch.zoom;
+  }
+  if (watch.state != CalibrationState::kUnknown && watch.state != CalibrationState::kInOrder) {
     json["since_utc_ns"] = utc_ns_of(watch.since);
   }
   if (is_wrong(watch.state)) {
     json["since_start"] = watch.since_start;
+    json["by_room"] = watch.by_scene;
     json["turned_deg"] = watch.correction.head<3>().norm() * kDegrees;
     json["shifted_mm"] = watch.correction.tail<3>().norm() * 1e3;
     // Row-major; the covariance is symmetric.

@@ -52,6 +52,15 @@ Result<SearchHint> search_hint(const System& system, const HintRequest& request)
   return make_error(ErrorCode::kNotFound, place.camera, "there is no such camera");
 }
 
+Result<std::shared_ptr<AxesWorker>> head_of(const System& system, const std::string& camera) {
+  for (const auto& worker : system.cameras) {
+    if (worker->name() != camera) continue;
+    if (worker->head()) return worker->head();
+    return make_error(ErrorCode::kInvalidInput, camera, "stands still, or is recorded");
+  }
+  return make_error(ErrorCode::kNotFound, camera, "there is no such camera");
+}
+
 Status known_object(const System& system, const std::string& name) {
   const auto& objects = system.installation.objects;
   const bool known = std::ranges::any_of(
@@ -131,6 +140,15 @@ void add_orders(const WebSources& s, HttpContent& content) {
     const auto system = s.system();
     SL_RETURN_IF_ERROR(known_object(*system, object));
     return system->forget(object);
+  };
+  content.turn = [s](const std::string& camera, const TurnOrder& order) -> Status {
+    SL_ASSIGN(const auto head, head_of(*s.system(), camera));
+    const Duration time = order.seconds ? from_seconds(*order.seconds) : head->config().yield;
+    return head->hold(order.pan_tilt, time);
+  };
+  content.follow = [s](const std::string& camera) -> Status {
+    SL_ASSIGN(const auto head, head_of(*s.system(), camera));
+    return head->release();
   };
   if (s.request_reload) {
     content.reload = [s]() -> Status {

@@ -9,6 +9,7 @@
 #include "sightline/base/log.hpp"
 #include "sightline/base/waiting.hpp"
 #include "sightline/pipeline/calibration_proposal.hpp"
+#include "sightline/pipeline/room_watch.hpp"
 
 namespace sightline {
 
@@ -19,6 +20,8 @@ namespace {
 constexpr Duration kTurn = 500ms;
 constexpr Duration kStallLimit = 10s;
 constexpr Duration kBetweenProposals = 10s;
+constexpr Duration kBetweenRooms = 15s;
+constexpr Duration kOldLook = 10s;  // looks come once a second, verdicts every other
 // A place that is taken over without being asked has been measured for so long, so well.
 constexpr Duration kMeasured = 30s;
 constexpr double kSure = 1;  // CameraWatch::look_ratio
@@ -58,6 +61,7 @@ void log_event(const std::string& name, const CameraWatch& watch, CalibrationSta
       }
       return;
     case CalibrationState::kUnknown:
+    case CalibrationState::kUnfit:
       return;
   }
 }
@@ -87,13 +91,17 @@ CalibrationKeeper::CalibrationKeeper(Options options, Installation installation,
     cameras_.push_back(
         {camera.name,
          &registry.gauge("sightline_camera_calibration_state",
-                         "0 unknown, 1 in order, 2 knocked, 3 drifting, 4 disputed", labels),
+                         "0 unknown, 1 in order, 2 knocked, 3 drifting, 4 disputed, 5 unfit",
+                         labels),
          &registry.gauge("sightline_camera_turned_degrees",
                          "How far the camera is turned from its calibration", labels),
          &registry.gauge("sightline_camera_shifted_meters",
                          "How far the camera is shifted from its calibration", labels),
          &registry.gauge("sightline_camera_vote_ratio",
-                         "Share of its weight that the camera has in the estimate", labels)});
+                         "Share of its weight that the camera has in the estimate", labels),
+         &registry.gauge("sightline_camera_room_patches",
+                         "Patches of the room that the camera found where it expects them",
+                         labels)});
     cameras_.back().vote->set(1);
   }
 }
@@ -117,12 +125,26 @@ void CalibrationKeeper::run(const std::stop_token& stop, Heartbeat& heartbeat) {
         if (wrong) recover(*watches);
       }
     }
+    if (MonotonicClock::now() >= next_rooms_) keep_rooms();
     std::unique_lock lock(mutex_);
     never_.wait_for(lock, stop, kTurn, [] { return false; });
   }
+  keep_rooms();
+}
+
+// Once for all of them.
+void CalibrationKeeper::tell_light(const std::vector<CameraWatch>& watches) {
+  const bool changed = std::ranges::any_of(watches, &CameraWatch::light_changed);
+  if (changed && !light_changed_) {
+    log::warning(
+        "what most cameras see of their rooms has changed at once: the light? Until it is as "
+        "before, their places are watched by the objects alone");
+  }
+  light_changed_ = changed;
 }
 
 bool CalibrationKeeper::tell(const std::vector<CameraWatch>& watches) {
+  tell_light(watches);
   bool event = false;
   for (size_t i = 0; i < std::min(cameras_.size(), watches.size()); ++i) {
     Camera& camera = cameras_[i];
@@ -132,12 +154,48 @@ bool CalibrationKeeper::tell(const std::vector<CameraWatch>& watches) {
     camera.turned->set(wrong ? watch.correction.head<3>().norm() * 180 / std::numbers::pi : 0);
     camera.shifted->set(wrong ? watch.correction.tail<3>().norm() : 0);
     camera.vote->set(watch.vote);
-    if (watch.state == camera.said) continue;
+    camera.patches->set(MonotonicClock::now() - watch.looked < kOldLook ? watch.patches : 0);
+    if (watch.state == CalibrationState::kUnfit) {
+      event |= tell_unfit(watches, i);
+      continue;
+    }
+    camera.unfit.clear();
+    // Nothing is known for a while of one that is put back; then it is in order again.
+    if (watch.state == camera.said || watch.state == CalibrationState::kUnknown) continue;
     log_event(camera.name, watch, camera.said);
     camera.said = watch.state;
     event = true;
   }
   return event;
+}
+
+// Again if more is known: the other camera of two that were exchanged comes a moment later.
+bool CalibrationKeeper::tell_unfit(const std::vector<CameraWatch>& watches, size_t index) {
+  Camera& camera = cameras_[index];
+  std::vector<std::string> names;
+  for (const Camera& c : cameras_) names.push_back(c.name);
+  std::string words = unfit_words(names, watches, index);
+  if (camera.said == CalibrationState::kUnfit && words == camera.unfit) return false;
+  log::warning({.camera = camera.name, .cause = "unfit"}, "camera {}: {}; it has no vote",
+               camera.name, words);
+  camera.said = CalibrationState::kUnfit;
+  camera.unfit = std::move(words);
+  return true;
+}
+
+void CalibrationKeeper::keep_rooms() {
+  if (options_.rooms_file.empty() || !options_.rooms) return;
+  const uint64_t version = options_.rooms->version();
+  if (version == kept_rooms_) return;
+  next_rooms_ = MonotonicClock::now() + kBetweenRooms;
+  const Waiting waiting("the disk");
+  const Status done = write_scene(options_.rooms_file, *options_.rooms);
+  if (done) {
+    kept_rooms_ = version;
+  } else if (!rooms_failed_) {
+    log::warning("what the cameras see of their room is not kept: {}", done.error().message());
+  }
+  rooms_failed_ = !done;
 }
 
 void CalibrationKeeper::propose(const std::vector<CameraWatch>& watches) {

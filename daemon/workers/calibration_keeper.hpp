@@ -11,6 +11,7 @@
 
 #include "heartbeat.hpp"
 #include "sightline/base/counters.hpp"
+#include "sightline/calibrate/scene_watch.hpp"
 #include "sightline/config/installation.hpp"
 #include "workers/fusion_worker.hpp"
 
@@ -22,7 +23,10 @@ namespace sightline {
 class CalibrationKeeper {
  public:
   struct Options {
-    std::filesystem::path proposal;        ///< empty: there is no state folder
+    std::filesystem::path proposal;  ///< empty: there is no state folder
+    /// Where `rooms`, what each camera has seen of its room, outlives a restart; empty: nowhere.
+    std::filesystem::path rooms_file;
+    std::shared_ptr<const SceneReferences> rooms;
     std::function<void()> request_reload;  ///< empty: nothing is taken over
   };
   static std::shared_ptr<CalibrationKeeper> start(Options options, Installation installation,
@@ -39,7 +43,9 @@ class CalibrationKeeper {
   struct Camera {
     std::string name;
     Gauge *state, *turned, *shifted, *vote;
+    Gauge* patches;
     CalibrationState said = CalibrationState::kUnknown;
+    std::string unfit{};  ///< what was said of it last
   };
 
   CalibrationKeeper(Options options, Installation installation,
@@ -47,15 +53,20 @@ class CalibrationKeeper {
   void run(const std::stop_token& stop, Heartbeat& heartbeat);
   /// True if an event was told.
   bool tell(const std::vector<CameraWatch>& watches);
+  bool tell_unfit(const std::vector<CameraWatch>& watches, size_t index);
+  void tell_light(const std::vector<CameraWatch>& watches);
   void propose(const std::vector<CameraWatch>& watches);
   void recover(const std::vector<CameraWatch>& watches);
+  void keep_rooms();
 
   const Options options_;
   const Installation installation_;
   const std::shared_ptr<FusionWorker> fusion_;
   std::vector<Camera> cameras_;  // by CameraId
-  bool proposed_ = false, failed_ = false, recovered_ = false;
-  Time next_proposal_{};
+  bool proposed_ = false, failed_ = false, recovered_ = false, rooms_failed_ = false;
+  bool light_changed_ = false;
+  Time next_proposal_{}, next_rooms_{};
+  uint64_t kept_rooms_ = 0;  ///< version that the file has
   std::mutex mutex_;
   std::condition_variable_any never_;
   WatchedThread thread_;

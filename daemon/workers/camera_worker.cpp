@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "sightline/base/log.hpp"
+#include "sightline/base/priority.hpp"
 #include "workers/stage_latency.hpp"
 #include "workers/wait_to_reopen.hpp"
 
@@ -26,6 +27,8 @@ std::string_view notice_of(const DrawStage& stage) {
       return "camera drifting";
     case CalibrationState::kDisputed:
       return "camera disputed";
+    case CalibrationState::kUnfit:
+      return "wrong picture";
     default:
       return {};
   }
@@ -121,9 +124,8 @@ CameraWorker::CameraWorker(CameraParts parts, Registry& registry)
 }
 
 void CameraWorker::request_stop() {
-  capture_thread_.request_stop();
-  observe_thread_.request_stop();
-  draw_thread_.request_stop();
+  if (parts_.head) parts_.head->request_stop();
+  for (auto* thread : {&capture_thread_, &observe_thread_, &draw_thread_}) thread->request_stop();
 }
 
 void CameraWorker::stop() {
@@ -309,6 +311,7 @@ void CameraWorker::measure(const FrameInfo& info) {
 }
 
 void CameraWorker::observe(std::stop_token stop, Heartbeat& heartbeat) {
+  give_way(kObserveNice);
   ObserveStage stage = std::move(parts_.observe);
   while (!stop.stop_requested()) {
     heartbeat.beat();
@@ -323,6 +326,9 @@ void CameraWorker::observe(std::stop_token stop, Heartbeat& heartbeat) {
       stage.on_observation(std::move(observation));
     }
     if (stage.learner) learn(**frame, stage);
+    if (stage.room) {
+      if (auto look = stage.room->step(**frame, observe_tracks_)) stage.on_scene(*std::move(look));
+    }
   }
 }
 
@@ -373,13 +379,14 @@ void CameraWorker::draw_no_signal(Time since, NoSignalSlate& slate) {
   parts_.output->accept(no_signal_);
 }
 
-void CameraWorker::draw_points(const MutableI420View& image, Time capture, const DrawStage& stage) {
+void CameraWorker::draw_points(const MutableI420View& image, const FrameInfo& frame,
+                               const DrawStage& stage) {
+  const ScenePointsPtr points = stage.points(frame.capture);
+  if (!points || (frame.place && !frame.place->trusted())) return;
+  const CalibratedCamera& camera = *stage.calibration;
+  const Rigid3& place = frame.place ? frame.place->world_from_camera : camera.world_from_camera;
   marks_.clear();
-  const ScenePointsPtr points = stage.points(capture);
-  if (points) {
-    const CalibratedCamera& camera = *stage.calibration;
-    marks_of_points(camera.model, camera.world_from_camera.inverse(), points->points, marks_);
-  }
+  marks_of_points(camera.model, place.inverse(), points->points, marks_);
   draw_point_marks(image, marks_, fit_depth_scale(marks_), kManyPoints);
 }
 
@@ -395,8 +402,8 @@ void CameraWorker::draw_one(const FramePtr& frame, DrawStage& stage) {
   annotated_.frame = frame->info();
   const OcclusionDepthPtr hidden = hidden_.read();
   stage.renderer->draw(image->mutable_view(), frame->info().capture, draw_tracks_, annotated_.poses,
-                       {hidden.get(), notice_of(stage)});
-  if (stage.points) draw_points(image->mutable_view(), frame->info().capture, stage);
+                       {hidden.get(), notice_of(stage), frame->info().place.get()});
+  if (stage.points) draw_points(image->mutable_view(), frame->info(), stage);
   annotated_.image = std::move(image);
   draw_seconds_.set(to_seconds(MonotonicClock::now() - start));
   observe_age(*drawn_, frame->info().capture);

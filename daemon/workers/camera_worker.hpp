@@ -10,6 +10,7 @@
 #include <thread>
 #include <vector>
 
+#include "axes/axes_worker.hpp"
 #include "heartbeat.hpp"
 #include "sightline/base/counters.hpp"
 #include "sightline/base/latest_slot.hpp"
@@ -18,6 +19,7 @@
 #include "sightline/model/seams.hpp"
 #include "sightline/observe/scene/occlusion_learner.hpp"
 #include "sightline/pipeline/camera_observer.hpp"
+#include "sightline/pipeline/room_watch.hpp"
 #include "sightline/pipeline/track_board.hpp"
 #include "sightline/render/overlay/camera_renderer.hpp"
 #include "sightline/render/overlay/no_signal_slate.hpp"
@@ -35,6 +37,8 @@ struct ObserveStage {
   std::unique_ptr<OcclusionLearner> learner;  ///< trained by what `observer` looks at; may be null
   std::shared_ptr<TrackBoard> board;
   std::function<void(Observation)> on_observation;  ///< must not block
+  std::unique_ptr<RoomWatch> room{};                ///< null: nobody looks at the room
+  std::function<void(SceneLook)> on_scene{};        ///< set if `room` is; must not block
 };
 
 /// What the drawing thread works with; a reload may exchange it between two frames.
@@ -67,6 +71,7 @@ struct CameraParts {
   DrawStage draw;
   std::shared_ptr<StreamOutput> output;
   std::function<void(const FramePtr&)> on_frame;  ///< may be empty, must not block
+  std::shared_ptr<AxesWorker> head{};             ///< of a camera that turns, live; else null
 };
 
 struct CameraStatus {
@@ -110,6 +115,7 @@ class CameraWorker {
   int height() const { return parts_.height; }
   bool observes() const { return observes_; }
   const std::shared_ptr<StreamOutput>& output() const { return parts_.output; }
+  const std::shared_ptr<AxesWorker>& head() const { return parts_.head; }
 
  private:
   CameraWorker(CameraParts parts, Registry& registry);
@@ -125,7 +131,7 @@ class CameraWorker {
   void draw(std::stop_token stop, Heartbeat& heartbeat);
   void draw_one(const FramePtr& frame, DrawStage& stage);
   void offer_clean(const Frame& frame);
-  void draw_points(const MutableI420View& image, Time capture, const DrawStage& stage);
+  void draw_points(const MutableI420View& image, const FrameInfo& frame, const DrawStage& stage);
   /// Takes the next stage over, if there is one.
   void renew(ObserveStage& stage);
   void renew(DrawStage& stage);

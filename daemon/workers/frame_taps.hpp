@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "cell/cell_worker.hpp"
 #include "sightline/base/snapshot.hpp"
 #include "workers/points_worker.hpp"
 #include "workers/recorder_worker.hpp"
@@ -14,6 +15,7 @@ struct FrameTaps {
   Snapshot<RecorderWorker> recorder;
   Snapshot<SearchWorker> search;
   Snapshot<PointsWorker> points;
+  Snapshot<CellWorker> cell;  ///< takes observations or estimates
 
   /// On a capture thread; never waits. `observed`: the camera takes part in stereo points.
   void push(const FramePtr& frame, bool observed) const {

@@ -15,7 +15,8 @@ using namespace std::chrono_literals;
 
 namespace {
 constexpr Duration kStallLimit = 2s;
-}
+constexpr size_t kMostLooks = 1024;  // one a second and camera
+}  // namespace
 
 Result<std::unique_ptr<FusionWorker>> FusionWorker::start(
     const EstimatorOptions& options, const std::vector<NamedObject>& objects,
@@ -54,7 +55,7 @@ FusionWorker::FusionWorker(std::unique_ptr<ObjectFusion> fusion,
          &registry.gauge("sightline_object_residual_sigmas",
                          "Root mean square of the newest accepted residuals", labels),
          {}});
-    for (int bit = 0; 1 << bit <= kContradicted; ++bit) {
+    for (int bit = 0; 1 << bit <= kUnexplained; ++bit) {
       const Labels reason{{"object", object.name},
                           {"reason", to_string(static_cast<DegradedReasons>(1 << bit), "")}};
       counters_.back().degraded_reasons.push_back(
@@ -70,8 +71,30 @@ void FusionWorker::push(Observation observation, LatencyHistogram* latency) {
   if (queue_.push({std::move(observation), latency})) dropped_.add();
 }
 
-void FusionWorker::set_doubted(ObjectId object, bool doubted) {
-  doubted_.at(object.index()) = doubted;
+void FusionWorker::push(SceneLook look) {
+  std::lock_guard lock(mutex_);
+  if (scene_looks_.size() < kMostLooks) scene_looks_.push_back(std::move(look));
+}
+
+void FusionWorker::take_scene_looks() {
+  std::vector<SceneLook> looks;
+  {
+    std::lock_guard lock(mutex_);
+    looks.swap(scene_looks_);
+  }
+  if (fusion_->watch() == nullptr) return;
+  bool verdict = false;
+  for (const SceneLook& look : looks) verdict |= fusion_->watch()->add(look);
+  if (verdict) publish_calibration();
+}
+
+void FusionWorker::set_doubted(ObjectId object, bool doubted, Doubt by) {
+  const auto bit = static_cast<uint8_t>(by);
+  if (doubted) {
+    doubted_.at(object.index()) |= bit;
+  } else {
+    doubted_.at(object.index()) &= static_cast<uint8_t>(~bit);
+  }
 }
 
 void FusionWorker::forget(ObjectId object) {
@@ -82,6 +105,7 @@ void FusionWorker::forget(ObjectId object) {
 void FusionWorker::set_cameras(std::vector<std::optional<Rigid3>> world_from_camera) {
   std::lock_guard lock(mutex_);
   next_cameras_ = std::move(world_from_camera);
+  scene_looks_.clear();
   calibration_.publish(nullptr);  // what it says is of the calibration before
 }
 
@@ -132,6 +156,7 @@ void FusionWorker::run(std::stop_token stop, Heartbeat& heartbeat) {
     if (auto item = queue_.pop(stop, 20ms)) take(item->observation, item->latency);
     forget_those_named();
     take_cameras();
+    take_scene_looks();
     for (const ObjectId object : fusion_->advance(MonotonicClock::now())) {
       const TrackState state = fusion_->estimator(object).state();
       counters_[object.index()].state->set(static_cast<double>(state));
@@ -185,7 +210,7 @@ void FusionWorker::log_reasons(const PoseEstimate& estimate, ReasonLog& log) {
 void FusionWorker::take(const Observation& observation, LatencyHistogram* latency) {
   const size_t index = observation.object.index();
   SL_CHECK(index < counters_.size(), "observation of an object of another installation");
-  fusion_->set_doubted(observation.object, doubted_[index]);
+  fusion_->set_doubted(observation.object, doubted_[index] != 0);
   const UpdateReport& report = fusion_->process({&observation, 1}).front();
   if (fusion_->has_verdict()) publish_calibration();
   const ObjectCounters& counters = counters_[index];

@@ -37,8 +37,12 @@ class FusionWorker {
   /// Takes one frame's observation; from any thread, never waits. `latency` (may be null) gets its
   /// age when it has been fused.
   void push(Observation observation, LatencyHistogram* latency = nullptr);
+  /// What a camera's look at its room says; from any thread, never waits.
+  void push(SceneLook look);
+  /// Who can doubt an object's pose, each for itself: one that does is enough.
+  enum class Doubt : uint8_t { kSearch = 1, kOtherHosts = 2 };
   /// ObjectEstimator::set_doubted() for the observations from now on; from any thread, never waits.
-  void set_doubted(ObjectId object, bool doubted);
+  void set_doubted(ObjectId object, bool doubted, Doubt by = Doubt::kSearch);
   /// Drops what is known of an object, a moment later; from any thread, never waits.
   void forget(ObjectId object);
   /// What the cameras' places are believed to be, by CameraId; null: nobody watches, or nothing is
@@ -59,6 +63,7 @@ class FusionWorker {
   void take(const Observation& observation, LatencyHistogram* latency);
   void forget_those_named();
   void take_cameras();
+  void take_scene_looks();
   void publish_calibration();
   void tell_of_silence(ObjectId object);
 
@@ -86,11 +91,12 @@ class FusionWorker {
   };
   BoundedQueue<Item> queue_{256};
   Snapshot<const std::vector<CameraWatch>> calibration_;
-  std::mutex mutex_;  // guards the two below
+  std::mutex mutex_;  // guards the three below
   std::optional<std::vector<std::optional<Rigid3>>> next_cameras_;
   std::vector<ObjectId> forget_;
+  std::vector<SceneLook> scene_looks_;
   Counter& dropped_;
-  std::vector<std::atomic<bool>> doubted_;  // by ObjectId
+  std::vector<std::atomic<uint8_t>> doubted_;  // by ObjectId: bits of Doubt
   std::vector<ObjectCounters> counters_;
   std::vector<ReasonLog> reason_logs_;
   std::jthread thread_;

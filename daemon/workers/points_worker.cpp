@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "workers/points_worker.hpp"
 
-#include <sys/resource.h>
-
 #include <algorithm>
 #include <cmath>
+
+#include "sightline/base/priority.hpp"
 
 namespace sightline {
 
@@ -15,7 +15,6 @@ namespace {
 constexpr Duration kTurn = 50ms;
 constexpr Duration kBefore = 200ms;
 constexpr Duration kStallLimit = 10s;
-constexpr int kNice = 10;
 constexpr size_t kMinPoints = 30;
 constexpr double kFar = 0.005;  // [m] from the mesh, median, beside the pose's own sigma
 constexpr double kSigmas = 3;
@@ -115,8 +114,7 @@ std::vector<PointCheck> PointsWorker::checks() const {
 }
 
 void PointsWorker::run(std::stop_token stop, Heartbeat& heartbeat) {
-  // Of this thread alone; without the right to it nothing is lost.
-  (void)setpriority(PRIO_PROCESS, 0, kNice);
+  give_way(kPointsNice);
   const Duration period = from_seconds(1 / config_.rate_hz);
   Time next = MonotonicClock::now();
   while (!stop.stop_requested()) {

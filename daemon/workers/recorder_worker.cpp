@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "recording/frame_bytes.hpp"
 #include "recording/recordings_folder.hpp"
 #include "sightline/base/log.hpp"
 
@@ -20,12 +21,6 @@ constexpr Duration kLastWrites = 1s;   // for what is queued at the end
 constexpr Duration kStallLimit = 10s;  // besides what it waits for the disk
 constexpr const char* kState = "sightline_recording";
 constexpr const char* kStateHelp = "1 while recordings are in this state: recording, or stopped";
-
-size_t bytes_of(const Frame& frame) {
-  const auto pixels =
-      static_cast<size_t>(frame.info().width) * static_cast<size_t>(frame.info().height);
-  return std::max(frame.payload().bytes.size(), pixels * 3 / 2);
-}
 
 }  // namespace
 

@@ -2,6 +2,7 @@
 #include "workers/search_worker.hpp"
 
 #include "sightline/base/log.hpp"
+#include "sightline/base/priority.hpp"
 #include "sightline/pipeline/carry_forward.hpp"
 
 namespace sightline {
@@ -75,9 +76,11 @@ void SearchWorker::stop() {
 }
 
 void SearchWorker::run(std::stop_token stop, Heartbeat& heartbeat) {
+  give_way(kSearchNice);
   while (!stop.stop_requested()) {
     heartbeat.beat();
     board_->read(tracks_);
+    for (const ObjectId object : search_->note_unseen(tracks_)) on_doubt_(object, true);
     const bool due = search_->due(MonotonicClock::now(), tracks_);
     wanted_ = due;
     if (!due) learn();

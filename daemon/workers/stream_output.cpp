@@ -104,7 +104,7 @@ bool StreamOutput::make_encoder() {
         stream->read()->push(packet);
         if (browsers) browsers->push(packet);
         const uint64_t number = ++*packets;
-        if (!recorder->wants()) return;
+        if (!recorder->wants_video()) return;
         ViewPacket recorded = view;
         recorded.number = number;
         recorded.packet = std::move(packet);

@@ -69,7 +69,8 @@ class StreamOutput : public ImageSink {
                std::shared_ptr<WhepStream> browsers, std::shared_ptr<PictureSlot> pictures,
                std::shared_ptr<RecordingSinkWorker> recorder, Registry& registry);
   bool video_wanted() const {
-    return stream_->read()->wanted() || (browsers_ && browsers_->wanted()) || recorder_->wants();
+    return stream_->read()->wanted() || (browsers_ && browsers_->wanted()) ||
+           recorder_->wants_video();
   }
   std::shared_ptr<VideoEncoder> encoder() const;
   bool make_encoder();

@@ -17,6 +17,7 @@
 
 #include "base/journal.hpp"
 #include "base/line_writer.hpp"
+#include "base/log_keeper.hpp"
 #include "sightline/base/log_output.hpp"
 
 namespace sightline::log {
@@ -148,6 +149,7 @@ Level level() { return current_level; }
 
 void write(Level line_level, std::string_view line, const Fields& fields) {
   if (!logger().should_log(to_spdlog(line_level))) return;
+  base::keep_for_history(line_level, line, fields);
   static const auto journal = base::JournalSocket::open(STDERR_FILENO);
   // One that does not take it now may take the line, which is kept for it.
   if (journal && journal->send(base::journal_message(line_level, line, fields,

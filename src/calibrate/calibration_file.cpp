@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <exception>
 
+#include "calibrate/axes_reader.hpp"
 #include "calibrate/calibration_reader.hpp"
 #include "sightline/base/files.hpp"
 #include "sightline/base/toml_nesting.hpp"
@@ -33,31 +34,24 @@ size_t coefficients_of(LensModel lens) {
   return lens == LensModel::kBrownConrady ? 5 : lens == LensModel::kRational ? 8 : 4;
 }
 
-/// Shortest text that reads back to the same number, and reads as a number with fraction.
-std::string number(double value) {
-  std::string text = fmt::format("{}", value);
-  if (text.find_first_of(".en") == std::string::npos) text += ".0";
-  return text;
-}
-
-std::string list(const double* values, size_t count) {
-  std::string text = "[";
-  for (size_t i = 0; i < count; ++i) text += (i == 0 ? "" : ", ") + number(values[i]);
-  return text + "]";
-}
-
+// Without its axes, which are a table of their own and come last.
 std::string format_camera(const CalibratedCamera& camera) {
   const CameraModel::Parameters& p = camera.model.parameters();
   std::string text = fmt::format(
       "\n[[camera]]\nname = \"{}\"\nwidth = {}\nheight = {}\nmodel = \"{}\"\nfx = {}\nfy = {}\n"
-      "cx = {}\ncy = {}\ndistortion = {}\nworld_from_camera = [\n",
-      camera.name, p.width, p.height, name_of(p.lens), number(p.fx), number(p.fy), number(p.cx),
-      number(p.cy), list(p.distortion.data(), coefficients_of(p.lens)));
-  const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> m = camera.world_from_camera.matrix();
-  for (int row = 0; row < 4; ++row) text += "  " + list(m.data() + 4 * row, 4) + ",\n";
-  text += fmt::format("]\nrms_px = {}\n", number(camera.rms_px));
+      "cx = {}\ncy = {}\ndistortion = {}\n",
+      camera.name, p.width, p.height, name_of(p.lens), number_text(p.fx), number_text(p.fy),
+      number_text(p.cx), number_text(p.cy),
+      list_text(p.distortion.data(), coefficients_of(p.lens)));
+  if (!camera.axes) text += pose_text("world_from_camera", camera.world_from_camera);
+  text += fmt::format("rms_px = {}\n", number_text(camera.rms_px));
   if (camera.time_offset_s == 0) return text;
-  return text + fmt::format("time_offset_s = {}\n", number(camera.time_offset_s));
+  return text + fmt::format("time_offset_s = {}\n", number_text(camera.time_offset_s));
+}
+
+std::string format_axes(const CalibratedCamera& camera) {
+  if (!camera.axes) return {};
+  return format_camera_axes(*camera.axes, coefficients_of(camera.model.parameters().lens));
 }
 
 Result<std::vector<CalibratedCamera>> read_cameras(const toml::table& root,
@@ -110,7 +104,9 @@ Result<std::vector<CalibratedCamera>> read_calibration(const std::filesystem::pa
 
 std::string format_calibration(const std::vector<CalibratedCamera>& cameras) {
   std::string text = kHead;
-  for (const CalibratedCamera& camera : cameras) text += format_camera(camera);
+  for (const CalibratedCamera& camera : cameras) {
+    text += format_camera(camera) + format_axes(camera);
+  }
   return text;
 }
 
@@ -126,12 +122,13 @@ std::string format_calibration(const std::vector<CalibratedCamera>& cameras,
     if (!date.empty()) text += fmt::format("date = {}\n", date);
     text += "[camera.sigmas]\n";
     if (s.fx > 0) {
-      text += fmt::format("fx = {}\nfy = {}\ncx = {}\ncy = {}\ndistortion = {}\n", number(s.fx),
-                          number(s.fy), number(s.cx), number(s.cy),
-                          list(s.distortion.data(), s.distortion.size()));
+      text += fmt::format("fx = {}\nfy = {}\ncx = {}\ncy = {}\ndistortion = {}\n",
+                          number_text(s.fx), number_text(s.fy), number_text(s.cx),
+                          number_text(s.cy), list_text(s.distortion.data(), s.distortion.size()));
     }
-    text += fmt::format("rotation = {}\ntranslation = {}\n", list(s.rotation.data(), 3),
-                        list(s.translation.data(), 3));
+    text += fmt::format("rotation = {}\ntranslation = {}\n", list_text(s.rotation.data(), 3),
+                        list_text(s.translation.data(), 3));
+    text += format_axes(cameras[c]);
   }
   return text;
 }

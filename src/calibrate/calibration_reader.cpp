@@ -7,13 +7,20 @@
 #include <utility>
 #include <vector>
 
+#include "calibrate/axes_reader.hpp"
+
 namespace sightline::calibrate {
 namespace {
 
-constexpr std::array kKeys = {"name",         "width", "height", "model",      "fx",
-                              "fy",           "cx",    "cy",     "distortion", "world_from_camera",
-                              "rvec",         "tvec",  "rms_px", "date",       "sigmas",
-                              "time_offset_s"};
+constexpr std::array kKeys = {"name",       "width",
+                              "height",     "model",
+                              "fx",         "fy",
+                              "cx",         "cy",
+                              "distortion", "world_from_camera",
+                              "rvec",       "tvec",
+                              "rms_px",     "date",
+                              "sigmas",     "time_offset_s",
+                              "axes"};
 /// Keys of [camera.sigmas] and how many numbers each takes (0: as many as the distortion).
 constexpr std::array<std::pair<const char*, size_t>, 7> kSigmas = {{{"fx", 1},
                                                                     {"fy", 1},
@@ -36,25 +43,6 @@ constexpr std::array<LensName, 4> kLenses = {{{"brown_conrady", LensModel::kBrow
                                               {"fisheye", LensModel::kFisheye, 4},
                                               {"equidistant", LensModel::kFisheye, 4}}};
 
-const char* kind_of(const toml::node& node) {
-  switch (node.type()) {
-    case toml::node_type::string:
-      return "text";
-    case toml::node_type::integer:
-      return "a whole number";
-    case toml::node_type::floating_point:
-      return "a number";
-    case toml::node_type::boolean:
-      return "true or false";
-    case toml::node_type::array:
-      return "a list";
-    case toml::node_type::table:
-      return "a table";
-    default:
-      return "a date or time";
-  }
-}
-
 class CameraReader {
  public:
   CameraReader(const toml::table& table, const std::string& file) : table_(table), file_(file) {}
@@ -73,14 +61,21 @@ class CameraReader {
     SL_ASSIGN(p.cy, required_number("cy"));
     SL_ASSIGN(const std::vector<double> distortion, read_distortion(lens));
     std::copy(distortion.begin(), distortion.end(), p.distortion.begin());
-    SL_ASSIGN(const Rigid3 world_from_camera, read_pose());
+    SL_ASSIGN(std::optional<CameraAxes> axes, read_axes(lens));
+    Rigid3 world_from_camera;
+    if (axes) {
+      SL_RETURN_IF_ERROR(refuse_pose_beside_axes());
+      world_from_camera = axes->world_from_camera(0, 0);
+    } else {
+      SL_ASSIGN(world_from_camera, read_pose());
+    }
     SL_ASSIGN(const double rms_px, read_rms());
     SL_ASSIGN(const double time_offset_s, read_time_offset());
     SL_RETURN_IF_ERROR(check_date());
     SL_RETURN_IF_ERROR(check_sigmas(distortion.size()));
     SL_ASSIGN(const CameraModel model,
               CameraModel::create(p, place(file_, table_.get("fx")->source())));
-    return CalibratedCamera{name, model, world_from_camera, rms_px, time_offset_s};
+    return CalibratedCamera{name, model, world_from_camera, rms_px, time_offset_s, std::move(axes)};
   }
 
  private:
@@ -153,16 +148,7 @@ class CameraReader {
   }
 
   Result<double> number(const toml::node& node, const char* key) const {
-    double value = 0;
-    if (const auto* whole = node.as_integer()) {
-      value = static_cast<double>(whole->get());
-    } else if (const auto* real = node.as_floating_point()) {
-      value = real->get();
-    } else {
-      return fault(node.source(), "'{}' must hold numbers, here is {}", key, kind_of(node));
-    }
-    if (!std::isfinite(value)) return fault(node.source(), "'{}' is not finite", key);
-    return value;
+    return number_of(node, key, file_);
   }
 
   Result<double> required_number(const char* key) const {
@@ -171,16 +157,7 @@ class CameraReader {
   }
 
   Result<std::vector<double>> numbers(const toml::node& node, const char* key) const {
-    const toml::array* list = node.as_array();
-    if (list == nullptr) {
-      return fault(node.source(), "'{}' must be a list of numbers, it is {}", key, kind_of(node));
-    }
-    std::vector<double> out;
-    for (const toml::node& element : *list) {
-      SL_ASSIGN(const double value, number(element, key));
-      out.push_back(value);
-    }
-    return out;
+    return numbers_of(node, key, file_);
   }
 
   Result<std::vector<double>> read_distortion(const LensName& lens) const {
@@ -201,7 +178,7 @@ class CameraReader {
       return fault((rvec != nullptr ? rvec : tvec)->source(),
                    "give world_from_camera, or rvec and tvec, not both");
     }
-    if (matrix != nullptr) return pose_of_matrix(*matrix);
+    if (matrix != nullptr) return pose_of(*matrix, "world_from_camera", file_);
     if (rvec == nullptr && tvec == nullptr) {
       return fault(table_.source(), "camera without 'world_from_camera' (or rvec and tvec)");
     }
@@ -223,29 +200,25 @@ class CameraReader {
     return out;
   }
 
-  /// Four rows of four, or sixteen numbers, row by row.
-  Result<Rigid3> pose_of_matrix(const toml::node& node) const {
-    const toml::array* rows = node.as_array();
-    std::vector<double> all;
-    if (rows != nullptr && !rows->empty() && rows->get(0)->is_array()) {
-      for (const toml::node& row : *rows) {
-        SL_ASSIGN(const std::vector<double> four, numbers(row, "world_from_camera"));
-        if (four.size() != 4) {
-          return fault(row.source(), "a row of 'world_from_camera' has 4 numbers, this one {}",
-                       four.size());
-        }
-        all.insert(all.end(), four.begin(), four.end());
-      }
-    } else {
-      SL_ASSIGN(all, numbers(node, "world_from_camera"));
+  Result<std::optional<CameraAxes>> read_axes(const LensName& lens) const {
+    const toml::node* node = table_.get("axes");
+    if (node == nullptr) return std::optional<CameraAxes>();
+    const toml::table* axes = node->as_table();
+    if (axes == nullptr) {
+      return fault(node->source(), "'axes' must be a table, it is {}", kind_of(*node));
     }
-    if (all.size() != 16) {
-      return fault(node.source(), "'world_from_camera' is 4 rows of 4 numbers, here are {} numbers",
-                   all.size());
+    SL_ASSIGN(CameraAxes out, read_camera_axes(*axes, lens.coefficients, file_));
+    return std::optional(std::move(out));
+  }
+
+  Status refuse_pose_beside_axes() const {
+    for (const char* key : {"world_from_camera", "rvec", "tvec"}) {
+      const toml::node* node = table_.get(key);
+      if (node == nullptr) continue;
+      return fault(node->source(), "'{}' of a camera that turns: its axes say where it stands",
+                   key);
     }
-    const Eigen::Matrix4d matrix =
-        Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(all.data());
-    return Rigid3::from_matrix(matrix, place(file_, node.source()));
+    return {};
   }
 
   Result<double> read_rms() const {
@@ -317,10 +290,6 @@ class CameraReader {
 };
 
 }  // namespace
-
-std::string place(const std::string& file, const toml::source_region& region) {
-  return fmt::format("{}:{}:{}", file, region.begin.line, region.begin.column);
-}
 
 Result<CalibratedCamera> read_camera(const toml::table& table, const std::string& file) {
   return CameraReader(table, file).read();

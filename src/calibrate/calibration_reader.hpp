@@ -5,12 +5,10 @@
 
 #include <string>
 
+#include "calibrate/toml_numbers.hpp"
 #include "sightline/geometry/camera_model.hpp"
 
 namespace sightline::calibrate {
-
-/// "FILE:LINE:COLUMN" of a place in the file.
-std::string place(const std::string& file, const toml::source_region& region);
 
 /// One [[camera]] table.
 Result<CalibratedCamera> read_camera(const toml::table& table, const std::string& file);

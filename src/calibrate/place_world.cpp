@@ -24,7 +24,10 @@ constexpr std::string_view kHeader = "x,y,z,camera,u,v";
 std::vector<CalibratedCamera> moved(const std::vector<CalibratedCamera>& cameras,
                                     const Rigid3& new_from_old) {
   std::vector<CalibratedCamera> out = cameras;
-  for (CalibratedCamera& c : out) c.world_from_camera = new_from_old * c.world_from_camera;
+  for (CalibratedCamera& c : out) {
+    c.world_from_camera = new_from_old * c.world_from_camera;
+    if (c.axes) c.axes->world_from_base = new_from_old * c.axes->world_from_base;
+  }
   return out;
 }
 

@@ -65,7 +65,7 @@ std::vector<std::string> keys_of() {
 }
 
 std::vector<std::string> all_source_keys() {
-  std::vector<std::string> all{"loop", "recorded_as"};
+  std::vector<std::string> all{"loop", "recorded_as", "in_step"};
   for (const auto& keys : {keys_of<NetworkOptions>(), keys_of<AravisOptions>(),
                            keys_of<V4l2Options>(), keys_of<LibcameraOptions>()}) {
     all.insert(all.end(), keys.begin(), keys.end());
@@ -129,13 +129,14 @@ class SourceReader {
   void read_recorded(const std::string& folder) {
     SectionReader reader(table_, file_, files_);
     reader.flag("loop", camera_.loop);
+    reader.flag("in_step", camera_.in_step);
     reader.text("recorded_as", camera_.recorded_as);
     if (folder.empty()) {
       table_.problem("source", "\"replay:\" needs the folder of a recording behind it");
     } else {
       camera_.recording = resolve(file_, folder);
     }
-    refuse_other_keys(table_, {"loop", "recorded_as"}, "a recording");
+    refuse_other_keys(table_, {"loop", "recorded_as", "in_step"}, "a recording");
   }
 
   template <typename Options>
@@ -191,6 +192,62 @@ void read_camera_source(TomlTable& table, const std::filesystem::path& file,
   } else {
     allow_all_source_keys(table);
   }
+}
+
+namespace {
+
+// What goes with some protocols only.
+void read_axes_details(TomlTable& table, const std::filesystem::path& file,
+                       AxisSourceOptions& axes) {
+  const bool visca = axes.protocol == AxisProtocol::kVisca;
+  const bool onvif = axes.protocol == AxisProtocol::kOnvif;
+  const auto belongs = [&table](std::string_view key, bool there, bool fits, std::string_view to) {
+    if (there && !fits) table.problem(key, fmt::format("goes with axes = \"{}:...\"", to));
+    return there && fits;
+  };
+  const auto counts = table.number("axes_counts_per_degree", 0.01, 1e6, "counts per degree");
+  const auto unit = table.number("axes_degrees_per_unit", 0.01, 360, "degrees");
+  const auto user = table.text("axes_user"), password = table.text("axes_password_file");
+  if (belongs("axes_counts_per_degree", counts.has_value(), visca, "visca")) {
+    axes.counts_per_degree = *counts;
+  }
+  if (belongs("axes_degrees_per_unit", unit.has_value(), onvif, "onvif")) {
+    axes.degrees_per_unit = *unit;
+  }
+  if (belongs("axes_user", user.has_value(), onvif, "onvif")) axes.user = user->text;
+  if (belongs("axes_password_file", password.has_value(), onvif, "onvif")) {
+    axes.password_file = resolve(file, password->text);
+  }
+}
+
+}  // namespace
+
+void read_axes(TomlTable& table, const std::filesystem::path& file, bool calibrated,
+               CameraConfig& camera) {
+  const bool turns = calibrated && camera.calibration.axes;
+  const auto text = table.text("axes");
+  if (turns && !camera.scene_depth.empty()) {
+    table.problem("scene_depth",
+                  "a depth image is of one place, and this camera turns: give the "
+                  "scene as meshes");
+  }
+  if (text && calibrated && !turns) {
+    table.problem("axes", "the calibration has no [camera.axes] of this camera: it stands still");
+  } else if (text && camera.source == SourceKind::kReplay) {
+    table.problem("axes", "a recording brings its own angles (axes.csv)");
+  } else if (text) {
+    auto options = parse_axis_source(text->text, camera.name);
+    if (options) {
+      camera.axes = *std::move(options);
+    } else {
+      table.problem("axes", options.error().text);
+    }
+  } else if (turns && camera.source != SourceKind::kReplay) {
+    table.problem("name", fmt::format("the calibration says that \"{}\" turns: 'axes' must say who "
+                                      "tells its angles",
+                                      camera.name));
+  }
+  read_axes_details(table, file, camera.axes);
 }
 
 void read_own_size(TomlTable& table, bool calibrated, CameraConfig& camera) {

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "sightline/base/files.hpp"
+#include "sightline/calibrate/calibration_file.hpp"
 #include "sightline/config/installation.hpp"
 
 namespace sightline {
@@ -45,6 +47,10 @@ bool match(const List& before, const List& after, NameOf name_of, std::vector<st
 
 }  // namespace
 
+uint64_t camera_hash(const CalibratedCamera& camera) {
+  return content_hash(format_calibration({camera}));
+}
+
 bool shows_textures(const Installation& installation) {
   const auto shows = [](const auto& where) {
     return where.overlay.fill && where.overlay.fill_kind == FillKind::kTextured;
@@ -83,6 +89,7 @@ InstallationChanges compare(const Installation& before, const Installation& afte
   changes.http = before.http != after.http;
   changes.record = before.record != after.record;
   changes.mqtt = before.mqtt != after.mqtt;
+  changes.cell = before.cell != after.cell;
   changes.action = before.action != after.action;
   changes.zones = before.zones != after.zones;
   changes.watch = before.watch != after.watch;
@@ -120,6 +127,7 @@ std::string InstallationChanges::summary() const {
                                                    {http, "http"},
                                                    {record, "record"},
                                                    {mqtt, "mqtt"},
+                                                   {cell, "cell"},
                                                    {action, "action"},
                                                    {watch, "watch"},
                                                    {zones, "zones"},

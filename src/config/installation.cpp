@@ -8,8 +8,10 @@
 #include <optional>
 
 #include "config/camera_source.hpp"
+#include "config/follow.hpp"
 #include "config/names.hpp"
 #include "config/object_start.hpp"
+#include "config/publishing.hpp"
 #include "config/section_reader.hpp"
 #include "config/servers.hpp"
 #include "config/toml_reader.hpp"
@@ -40,6 +42,7 @@ class InstallationReader {
     if (const auto name = root_.text("name")) result_.name = name->text;
     read_calibration_file();
     read_overlay();
+    config::read_cell(root_, path_, files_, result_);
     read_cameras();
     read_objects();
     read_scene();
@@ -52,10 +55,12 @@ class InstallationReader {
     section("encoder", result_.encoder);
     read_record();
     config::read_zones(root_, path_, files_, result_);
-    read_publish();
+    config::read_publish(root_, path_, files_, result_);
     read_action();
     section("watch", result_.watch);
     section("daemon", result_.daemon);
+    config::check_cell(root_, result_);
+    config::check_followed(root_, result_);
     root_.finish();
     if (!document_.problems().empty()) return document_.problems().error();
     return std::move(result_);
@@ -75,6 +80,7 @@ class InstallationReader {
   void read_overlay();
   void read_cameras();
   void read_camera(TomlTable table);
+  void add_remote(const CalibratedCamera& camera, const std::string& host);
   void check_recorded(TomlTable& table, const CameraConfig& camera);
   std::optional<CalibratedCamera> calibration_of(TomlTable& table, const std::string& name);
   void check_scene_depth(TomlTable& table, CameraConfig& camera, bool calibrated);
@@ -84,7 +90,6 @@ class InstallationReader {
   void read_virtual_cameras();
   void read_virtual_camera(TomlTable table);
   void read_record();
-  void read_publish();
   void read_action();
 
   config::TomlDocument& document_;
@@ -94,6 +99,7 @@ class InstallationReader {
   Installation result_;
   OverlayStyle overlay_;
   std::optional<std::vector<CalibratedCamera>> calibrated_;
+  std::vector<CalibratedCamera> remote_;  // of other hosts
   std::map<fs::path, Result<std::vector<RecordedCameraEntry>>> recordings_;
   std::map<std::string, unsigned> camera_lines_;
 };
@@ -174,12 +180,14 @@ void InstallationReader::read_camera(TomlTable table) {
       }
     }
   }
+  if (std::string host; config::is_remote(table, result_, host)) {
+    if (calibration) add_remote(*calibration, host);
+    return;  // the rest is for that host to check
+  }
   // Stands in for a calibration that is missing, so that the rest of the table is checked too.
   const bool calibrated = calibration.has_value();
   if (!calibrated) {
-    CameraModel::Parameters any;
-    any.width = any.height = 2;
-    any.fx = any.fy = 1;
+    const CameraModel::Parameters any{.width = 2, .height = 2, .fx = 1, .fy = 1};
     calibration = CalibratedCamera{name, *CameraModel::create(any, ""), {}, 0.5};
   }
   CameraConfig camera{.name = name,
@@ -201,6 +209,8 @@ void InstallationReader::read_camera(TomlTable table) {
   reader.number("scene_depth_scale", camera.scene_depth_scale, 1e-9, 1000, "meters per unit");
   check_scene_depth(table, camera, calibrated);
   config::read_camera_source(table, path_, files_, camera);
+  config::read_axes(table, path_, calibrated, camera);
+  config::read_follow(table, camera);
   if (files_.uncalibrated) {
     config::read_own_size(table, calibrated, camera);
   } else {
@@ -209,6 +219,11 @@ void InstallationReader::read_camera(TomlTable table) {
   if (calibrated || files_.uncalibrated) check_recorded(table, camera);
   table.finish();
   result_.cameras.push_back(std::move(camera));
+}
+
+void InstallationReader::add_remote(const CalibratedCamera& camera, const std::string& host) {
+  result_.cell.cameras.push_back({camera.name, host, camera_hash(camera)});
+  remote_.push_back(camera);
 }
 
 void InstallationReader::check_size(TomlTable& table, const CameraConfig& camera, bool calibrated) {
@@ -398,6 +413,7 @@ void InstallationReader::read_virtual_camera(TomlTable table) {
   }
   std::vector<CalibratedCamera> cameras;
   for (const CameraConfig& camera : result_.cameras) cameras.push_back(camera.calibration);
+  cameras.insert(cameras.end(), remote_.begin(), remote_.end());
   auto made = make_view_camera(view.point, cameras, view.name, view.place.text);
   if (made) {
     view.view = *std::move(made);
@@ -413,29 +429,11 @@ void InstallationReader::read_record() {
   const bool wanted = result_.record.enabled || !result_.record.on_lost.empty();
   if (wanted && result_.record.directory.empty()) {
     auto table = root_.table("record");
-    if (!table->has("directory")) {
-      table->require("directory", "the folder that takes the recordings");
-    }
+    if (!table->has("directory")) table->require("directory", "the folder that takes recordings");
   }
-}
-
-void InstallationReader::read_publish() {
-  auto publish = root_.table("publish");
-  if (!publish) return;
-  if (auto mqtt = publish->table("mqtt")) {
-    SectionReader reader(*mqtt, path_, files_);
-    config::visit(reader, result_.mqtt);
-    const std::string& topic = result_.mqtt.topic;
-    if (topic.empty() || topic.find_first_of("+#") != std::string::npos || topic[0] == '/') {
-      mqtt->problem("topic", "a topic without +, # and a / in front, as in \"site/sightline\"");
-    }
-    if (!mqtt_available() && !result_.mqtt.host.empty()) {
-      mqtt->problem("host", "this program was built without MQTT (libmosquitto)",
-                    ErrorCode::kUnavailable);
-    }
-    mqtt->finish();
+  if (result_.record.pose_video && result_.record.pose_files == PoseFiles::kCsv) {
+    root_.table("record")->problem("poses_video", "needs poses = \"mcap\" or \"both\"");
   }
-  publish->finish();
 }
 
 }  // namespace

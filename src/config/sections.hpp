@@ -15,9 +15,10 @@ namespace sightline::config {
 template <typename Value, size_t kCount>
 using Choices = std::array<std::pair<std::string_view, Value>, kCount>;
 
-inline constexpr Choices<CameraRole, 3> kRoles{{{"observe+stream", CameraRole::kObserveAndStream},
+inline constexpr Choices<CameraRole, 4> kRoles{{{"observe+stream", CameraRole::kObserveAndStream},
                                                 {"observe", CameraRole::kObserve},
-                                                {"stream", CameraRole::kStream}}};
+                                                {"stream", CameraRole::kStream},
+                                                {"follow", CameraRole::kFollow}}};
 inline constexpr Choices<log::Level, 4> kLogLevels{{{"debug", log::Level::kDebug},
                                                     {"info", log::Level::kInfo},
                                                     {"warning", log::Level::kWarning},
@@ -239,6 +240,7 @@ void visit(Visitor& v, RecordConfig& s) {
   v.seconds("segment", s.viewing.segment, 1, 86400);
   v.integer("segment_bytes", s.viewing.segment_bytes, 1'000'000, int64_t{1} << 40, "bytes");
   v.choice("poses", s.pose_files, kPoseFiles);
+  v.flag("poses_video", s.pose_video);
   v.number("quota_gb", s.quota_gb, 0, 1e6, "gigabytes");
 }
 
@@ -253,9 +255,30 @@ void visit(Visitor& v, MqttOptions& s) {
   v.file("ca_file", s.ca_file);
 }
 
+inline constexpr Choices<CellRole, 3> kCellRoles{
+    {{"both", CellRole::kBoth}, {"cameras", CellRole::kCameras}, {"fusion", CellRole::kFusion}}};
+
+template <typename Visitor>
+void visit(Visitor& v, CellOptions& s) {
+  v.choice("role", s.role, kCellRoles);
+  v.text("name", s.name);
+  v.text("host", s.host);
+  v.text("broker", s.broker.host);
+  v.integer("port", s.broker.port, 1, 65535, "a port number");
+  v.text("user", s.broker.user);
+  v.file("password_file", s.broker.password_file);
+  v.file("ca_file", s.broker.ca_file);
+  v.file("certificate", s.broker.certificate);
+  v.file("key", s.broker.key);
+  v.seconds("age_limit", s.age_limit, 0.01, 0.3);
+  v.seconds("clock_bound", s.clock_bound, 1e-6, 1);
+  v.seconds("clock_limit", s.clock_limit, 1e-6, 1);
+}
+
 template <typename Visitor>
 void visit(Visitor& v, WatchConfig& s) {
   v.flag("enabled", s.enabled);
+  v.flag("background", s.background);
   v.flag("auto_recover", s.auto_recover);
 }
 

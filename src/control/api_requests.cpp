@@ -6,6 +6,7 @@
 #include <cmath>
 #include <initializer_list>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <set>
 #include <vector>
 
@@ -173,6 +174,24 @@ Result<RecordingOrder> parse_recording_order(std::string_view body, bool may_las
   return order;
 }
 
+Result<TurnOrder> parse_turn(std::string_view body) {
+  constexpr double kDegree = std::numbers::pi / 180;
+  TurnOrder order;
+  if (body.empty()) return order;
+  SL_ASSIGN(const Json json, parse_object(body));
+  SL_RETURN_IF_ERROR(only_keys(json, {"pan_deg", "tilt_deg", "seconds"}));
+  if (json.contains("pan_deg") || json.contains("tilt_deg")) {
+    SL_ASSIGN(const double pan, number(json, "pan_deg", -360, 360));
+    SL_ASSIGN(const double tilt, number(json, "tilt_deg", -360, 360));
+    order.pan_tilt = Eigen::Vector2d(pan, tilt) * kDegree;
+  }
+  if (json.contains("seconds")) {
+    SL_ASSIGN(const double seconds, number(json, "seconds", 1, 86400));
+    order.seconds = seconds;
+  }
+  return order;
+}
+
 Result<OverlayRequest> parse_overlay(std::string_view body) {
   SL_ASSIGN(const Json json, parse_object(body));
   OverlayRequest request;
@@ -239,6 +258,19 @@ Result<PictureRequest> parse_pictures(const Query& query) {
     SL_ASSIGN(request.max_rate_hz, parse_number(found->first, found->second, 0.1, 240));
   }
   return request;
+}
+
+Result<uint64_t> parse_after(const Query& query) {
+  SL_RETURN_IF_ERROR(known_once(query, {"after"}));
+  const auto found = query.find("after");
+  if (found == query.end()) return uint64_t{0};
+  const std::string& text = found->second;
+  uint64_t number = 0;
+  const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (fault != std::errc() || end != text.data() + text.size()) {
+    return wrong("after has to be the number of a message");
+  }
+  return number;
 }
 
 Result<bool> parse_flag(const Query& query, const std::string& key) {

@@ -28,6 +28,10 @@ Result<RecordingOrder> parse_recording_order(std::string_view body, bool may_las
 /// Body of a mark: {"text": "..."}, of at most 1000 bytes.
 Result<std::string> parse_mark(std::string_view body);
 
+/// Body of an order to turn: {"pan_deg", "tilt_deg", "seconds": 1 .. 86400}, all optional; the
+/// angles go together.
+Result<TurnOrder> parse_turn(std::string_view body);
+
 /// Body of another overlay: "camera" (a name) and keys of [overlay], which are handed on as TOML:
 /// what they may be is the configuration's affair.
 Result<OverlayRequest> parse_overlay(std::string_view body);
@@ -37,6 +41,9 @@ Result<std::vector<std::string>> parse_cameras(std::string_view body);
 
 /// "camera" (several), "annotated" (0 or 1), "rate_hz" (0.1 .. 240).
 Result<PictureRequest> parse_pictures(const Query& query);
+
+/// "after" (the number of a message, 0 without it).
+Result<uint64_t> parse_after(const Query& query);
 
 /// One of the keys that are known, each of which may come once; kInvalidInput names any other.
 Result<bool> parse_flag(const Query& query, const std::string& key);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 
+#include "control/log_reply.hpp"
 #include "sightline/base/log.hpp"
 #include "sightline/control/http_server.hpp"
 
@@ -53,6 +54,10 @@ HttpReply asset(const HttpContent&, const Request& request, const std::string&) 
   return {200, std::string(found->type), std::string(found->bytes)};
 }
 
+HttpReply home(const HttpContent& content, const Request& request, const std::string& name) {
+  return content.home ? content.home() : asset(content, request, name);
+}
+
 HttpReply events(const HttpContent& content, const Request& request, const std::string&) {
   const auto with_state = parse_flag(request.query, "state");
   if (!with_state) return HttpReply::error(with_state.error());
@@ -60,6 +65,10 @@ HttpReply events(const HttpContent& content, const Request& request, const std::
   HttpReply reply{200, "text/event-stream", ""};
   reply.stream = content.events(*with_state);
   return reply;
+}
+
+HttpReply log_lines(const HttpContent&, const Request& request, const std::string&) {
+  return log_reply(request.query);
 }
 
 template <std::function<Result<HttpReply>(const PictureRequest&)> HttpContent::*kMaker>
@@ -96,6 +105,18 @@ HttpReply forget(const HttpContent& content, const Request& request, const std::
   if (!content.forget) return missing();
   const Status empty = parse_nothing(request.body);
   return done(request, empty ? content.forget(name) : empty, 202);
+}
+
+HttpReply turn(const HttpContent& content, const Request& request, const std::string& name) {
+  if (!content.turn) return missing();
+  const auto order = parse_turn(request.body);
+  return done(request, order ? content.turn(name, *order) : Status(order.error()), 202);
+}
+
+HttpReply follow(const HttpContent& content, const Request& request, const std::string& name) {
+  if (!content.follow) return missing();
+  const Status empty = parse_nothing(request.body);
+  return done(request, empty ? content.follow(name) : empty, 202);
 }
 
 HttpReply reload(const HttpContent& content, const Request& request, const std::string&) {
@@ -203,9 +224,12 @@ constexpr std::array kRoutes{
     Route{"POST", "/api/v1/calibration/accept", kOperate, accept},
     Route{"GET", "/api/v1/poses", kView, list<&HttpContent::poses_json>},
     Route{"GET", "/api/v1/events", kView, events},
+    Route{"GET", "/api/v1/log", kView, log_lines},
     Route{"GET", "/api/v1/pictures", kView, pictures<&HttpContent::pictures>},
     Route{"POST", "/api/v1/objects/{name}/hint", kOperate, hint},
     Route{"POST", "/api/v1/objects/{name}/forget", kOperate, forget},
+    Route{"POST", "/api/v1/cameras/{name}/turn", kOperate, turn},
+    Route{"POST", "/api/v1/cameras/{name}/follow", kOperate, follow},
     Route{"POST", "/api/v1/reload", kOperate, reload},
     Route{"GET", "/api/v1/recordings", kView, list<&HttpContent::recordings_json>},
     Route{"POST", "/api/v1/recordings/start", kOperate, record<true>},
@@ -216,7 +240,7 @@ constexpr std::array kRoutes{
     Route{"GET", "/cameras/{name}/snapshot.jpg", kView, pictures<&HttpContent::snapshot>},
     Route{"POST", "/cameras/{name}/whep", kView, whep_offer, "application/sdp"},
     Route{"DELETE", "/whep/{name}", kView, whep_end},
-    Route{"GET", "/", kView, asset},
+    Route{"GET", "/", kView, home},
     Route{"GET", "/app.js", kView, asset},
     Route{"GET", "/style.css", kView, asset},
     Route{"GET", "/icon.svg", kView, asset},

@@ -56,6 +56,13 @@ struct InformationInnovation {
   Eigen::Matrix<float, 6, 6> information = Eigen::Matrix<float, 6, 6>::Zero();
 };
 
+/// A fading mean; see picture_record.hpp.
+struct FadingShare {
+  float mean = 0;
+  int count = 0;
+  Time newest{};
+};
+
 /// What is remembered of one camera.
 struct CameraRecord {
   Time last_observation{};
@@ -66,6 +73,8 @@ struct CameraRecord {
   InformationInnovation mean_innovation;  ///< fading mean, see innovation_bias.hpp
   double innovation_power = 0;            ///< fading mean of its squared norm
   double innovations = 0;                 ///< frames in both, up to their memory
+  FadingShare picture;  ///< share of the silhouette that is not explained, or missing
+  FadingShare absence;  ///< of the looks that do not see the object where it has to be seen
   bool known = false;
   bool seen = false;     ///< accepted in its last frame
   bool refused = false;  ///< gated in its last frame
@@ -84,7 +93,11 @@ struct BankState {
   PoseEstimate published;
   /// Bias between the cameras' innovations, as a share of the largest systematic variance.
   double bias_share = 0;
-  bool found_before = false;  ///< published.last_measured means something
+  bool unexplained = false, absent = false;  ///< see picture_record.hpp
+  bool found_before = false;                 ///< published.last_measured means something
+  Time judged{};              ///< of the newest state: see settled() in track_state.cpp
+  Duration undoubted{0};      ///< how long nothing has spoken against `tracking`, less what has
+  bool outline_only = false;  ///< the newest measurements are of outline and edges alone
 
   // Of the last set alone.
   CameraSet gated = 0;

@@ -67,6 +67,15 @@ FramePtr Frame::with_time_offset(const FramePtr& frame, Duration time_offset) {
                                            frame->decoded_ ? frame->image_ : nullptr);
 }
 
+FramePtr Frame::with_place(const FramePtr& frame, CameraPlacePtr place) {
+  if (!place) return frame;
+  FrameInfo info = frame->info_;
+  info.place = std::move(place);
+  return std::allocate_shared<const Frame>(RecyclingAllocator<Frame>(), Key(), info,
+                                           frame->payload_, frame->pool_,
+                                           frame->decoded_ ? frame->image_ : nullptr);
+}
+
 I420View Frame::i420() const {
   std::call_once(image_once_, [this] {
     if (decoded_ || info_.format == PixelFormat::kI420) return;

@@ -4,11 +4,15 @@
 #include <algorithm>
 #include <iterator>
 
+#include "pipeline/turning/turning_view.hpp"
 #include "sightline/pipeline/mesh_depth_renderer.hpp"
 #include "sightline/pipeline/mesh_print_renderer.hpp"
 #include "sightline/pipeline/rig_parts.hpp"
 
 namespace sightline {
+
+using namespace pipeline;
+
 namespace {
 
 // For silhouettes of some dozen cells: a fifth of a cell off at most.
@@ -33,9 +37,7 @@ std::vector<TrackedObject> tracked_objects(const Rig& rig, CameraId camera) {
                        symmetric || object.printed ? object.samples : nullptr, object.printed,
                        object.printed ? mesh_print_renderer_factory(object.painted, geometry)
                                       : PrintRendererFactory(),
-                       object.shape_symmetry.near_rotations.empty()
-                           ? DepthRendererFactory()
-                           : mesh_depth_renderer_factory(coarse_mesh(object))});
+                       mesh_depth_renderer_factory(coarse_mesh(object))});
   }
   return objects;
 }
@@ -83,24 +85,44 @@ Result<std::unique_ptr<CameraObserver>> CameraObserver::create(const Installatio
                                                                const Rig& rig, CameraId camera) {
   SL_ASSIGN(auto fiducials, make_observer(installation, rig, camera));
   std::vector<TrackedObject> objects = tracked_objects(rig, camera);
-  SceneDepth scene;
-  if (!objects.empty()) scene = make_scene_depth(rig, camera);
   SL_CHECK(camera.index() < installation.cameras.size(), "camera id of another installation");
   const CameraConfig& config = installation.cameras[camera.index()];
+  std::unique_ptr<TurningView> turning;
+  SceneDepth scene;
+  if (config.calibration.axes) {
+    turning = std::make_unique<TurningView>(config.calibration.world_from_camera,
+                                            rig.cameras.at(camera.index())->rays(), rig.scene);
+    if (!objects.empty() && !rig.scene->empty()) scene = make_scene_depth(turning->scene_depth());
+  } else if (!objects.empty()) {
+    scene = make_scene_depth(rig, camera);
+  }
   TrackerOptions options = installation.tracker;
   if (config.gamma > 0) options.gamma = config.gamma;
   SL_ASSIGN(auto tracker, ObjectTracker::create(config.calibration, camera, std::move(objects),
                                                 options, std::move(scene)));
   return std::unique_ptr<CameraObserver>(
-      new CameraObserver(std::move(fiducials), std::move(tracker)));
+      new CameraObserver(std::move(fiducials), std::move(tracker), std::move(turning)));
 }
+
+CameraObserver::CameraObserver(std::unique_ptr<FiducialObserver> fiducials,
+                               std::unique_ptr<ObjectTracker> tracker,
+                               std::unique_ptr<TurningView> turning)
+    : fiducials_(std::move(fiducials)),
+      tracker_(std::move(tracker)),
+      turning_(std::move(turning)) {}
+CameraObserver::~CameraObserver() = default;
 
 void CameraObserver::step(const Frame& frame, std::span<const PoseTrackPtr> tracks,
                           std::vector<Observation>& out) {
   const size_t first = out.size();
+  if (turning_) {
+    if (!turning_->look(frame.info(), tracks)) return;
+    tracks = turning_->tracks();
+  }
   fiducials_->step(frame, tracks, out);
   tracker_->step(frame, tracks, out);
   merge_observations(first, out);
+  if (turning_) turning_->bring_back(std::span(out).subspan(first));
 }
 
 void merge_observations(size_t first, std::vector<Observation>& observations) {
@@ -109,10 +131,16 @@ void merge_observations(size_t first, std::vector<Observation>& observations) {
     for (size_t j = observations.size() - 1; j > i; --j) {
       Observation& other = observations[j];
       if (other.object != kept.object) continue;
+      // What sees the object by its markers is not blind because its outline is not seen.
+      if (kept.terms.empty() != other.terms.empty()) {
+        if (kept.terms.empty()) kept.picture.reset();
+        if (other.terms.empty()) other.picture.reset();
+      }
       std::move(other.terms.begin(), other.terms.end(), std::back_inserter(kept.terms));
       std::move(other.hypotheses.begin(), other.hypotheses.end(),
                 std::back_inserter(kept.hypotheses));
       add_evidence(other.symmetric_hypotheses, kept.symmetric_hypotheses);
+      if (!kept.picture) kept.picture = other.picture;
       observations.erase(observations.begin() + static_cast<ptrdiff_t>(j));
     }
   }

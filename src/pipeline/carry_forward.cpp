@@ -2,6 +2,7 @@
 #include "sightline/pipeline/carry_forward.hpp"
 
 #include <algorithm>
+#include <iterator>
 
 namespace sightline {
 namespace {
@@ -33,8 +34,8 @@ bool CarryForward::step(FrameTrail& trail, const FollowStep& follow) {
     next_ = std::clamp(behind / kStepsToNow, options_.step, options_.max_step);
     if (!moved.empty()) {
       misses_ = 0;
-      found_ = std::move(moved);
-      now_ = newest_capture(found_);
+      now_ = newest_capture(moved);
+      std::move(moved.begin(), moved.end(), std::back_inserter(found_));
     } else if (++misses_ > options_.max_misses) {
       found_.clear();
     }
@@ -44,7 +45,14 @@ bool CarryForward::step(FrameTrail& trail, const FollowStep& follow) {
 }
 
 std::vector<Observation> CarryForward::take() {
-  return misses_ == 0 ? std::move(found_) : std::vector<Observation>();
+  if (misses_ > 0) return {};
+  std::erase_if(found_, [this](const Observation& o) { return o.capture < now_ - options_.way; });
+  std::stable_sort(found_.begin(), found_.end(), [](const Observation& a, const Observation& b) {
+    return a.capture < b.capture;
+  });
+  // What refutes the pose in force starts anew once; the rest of the way says how it moves.
+  for (Observation& o : found_) o.refutes &= o.capture == found_.front().capture;
+  return std::move(found_);
 }
 
 std::vector<Observation> carry_forward(FrameTrail& trail, std::vector<Observation> found,

@@ -40,11 +40,29 @@ std::span<const UpdateReport> ObjectFusion::process(std::span<const Observation>
   }
   if (watch_) {
     for (const Observation& observation : set) {
+      if (turns(observation)) continue;
       verdict_ |= watch_->add(observation, *tracks_[observation.object.index()]);
     }
   }
   return reports_;
 }
+
+bool ObjectFusion::turns(const Observation& observation) const {
+  const auto& known = watch_->extra_covariance(observation.camera);
+  return observation.calibration_covariance && observation.calibration_covariance != known;
+}
+
+namespace {
+
+// What a camera without a vote says of an object: that it has sent a frame.
+void take_vote(Observation& observation) {
+  observation.terms.clear();
+  observation.hypotheses.clear();
+  observation.symmetric_hypotheses.clear();
+  observation.picture.reset();
+}
+
+}  // namespace
 
 // A camera that stands elsewhere than its calibration says loses its vote as far as it is wrong.
 std::span<const Observation> ObjectFusion::with_calibration_covariance(
@@ -54,7 +72,12 @@ std::span<const Observation> ObjectFusion::with_calibration_covariance(
   };
   if (!watch_ || std::ranges::none_of(set, affected)) return set;
   widened_.assign(set.begin(), set.end());
-  for (Observation& o : widened_) o.calibration_covariance = watch_->extra_covariance(o.camera);
+  for (Observation& o : widened_) {
+    if (!turns(o)) o.calibration_covariance = watch_->extra_covariance(o.camera);
+    const auto watched = watch_->cameras();
+    const size_t camera = o.camera.index();
+    if (camera < watched.size() && watched[camera].state == CalibrationState::kUnfit) take_vote(o);
+  }
   return widened_;
 }
 

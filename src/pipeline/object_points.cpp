@@ -49,8 +49,11 @@ ObjectPoints::ObjectPoints(const Installation& installation, const Rig& rig) {
 }
 
 void ObjectPoints::add_frame(CameraId camera, const FramePtr& frame) {
-  const bool good = frame->info().status == FrameStatus::kGood;
-  if (good && observing_.at(camera.index())) newest_[camera.index()] = frame;
+  const CameraPlacePtr& place = frame->info().place;
+  const bool good = frame->info().status == FrameStatus::kGood && (!place || place->trusted());
+  if (!good || !observing_.at(camera.index())) return;
+  newest_[camera.index()] = frame;
+  if (place) cameras_[camera.index()].world_from_camera = place->world_from_camera;
 }
 
 void ObjectPoints::let_go() { std::fill(newest_.begin(), newest_.end(), nullptr); }

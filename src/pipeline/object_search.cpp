@@ -34,7 +34,10 @@ constexpr Duration kSecondCheck = std::chrono::milliseconds(80);  // after a sus
 constexpr double kMinOtherScore = 0.45, kChance = 0.04, kMostOfCheck = 0.2, kEnoughSupport = 0.2;
 constexpr double kOtherScoreRatio = 1.15;  // one check that doubts the pose
 constexpr double kGoodScore = 0.55;
-constexpr double kMinScoreHere = 0.42;   // at true poses that two cameras see: 0.46 and more
+constexpr double kMinScoreHere = 0.42;  // at true poses that two cameras see: 0.46 and more
+constexpr int kChecksOfWeak = 2;        // that have to pass before what scored less is claimed:
+constexpr double kWeakScore = 0.7;
+constexpr int kChecksWithoutDoubt = 4;   // in a row, if another orientation scores as much
 constexpr int kDoubts = 2;               // checks in a row that end in a search
 constexpr double kSameSuspicion = 0.35;  // [rad] between the orientations of two checks
 
@@ -58,7 +61,8 @@ Result<std::unique_ptr<ObjectSearch>> ObjectSearch::create(const Installation& i
     const CameraConfig& camera = installation.cameras[i];
     if (!observes(camera.role)) continue;
     cameras.push_back({CameraId(static_cast<uint32_t>(i)), camera.calibration});
-    if (!installation.detect.silhouettes) continue;
+    // A background is learned pixel by pixel: that of a camera that turns never stands still.
+    if (!installation.detect.silhouettes || camera.calibration.axes) continue;
     search->backgrounds_.resize(installation.cameras.size());
     SL_ASSIGN(search->backgrounds_[i],
               BackgroundModel::create(camera.calibration, installation.detect.background));
@@ -140,6 +144,19 @@ bool ObjectSearch::learns(CameraId camera, Time capture) const {
   return index < backgrounds_.size() && backgrounds_[index] && backgrounds_[index]->wants(capture);
 }
 
+std::vector<ObjectId> ObjectSearch::note_unseen(std::span<const PoseTrackPtr> tracks) {
+  std::vector<ObjectId> out;
+  for (Target& target : targets_) {
+    const size_t index = target.object.index();
+    if (index >= tracks.size() || !tracks[index] || tracks[index]->empty()) continue;
+    if (tracks[index]->newest().state != TrackState::kCoasting) continue;
+    if (target.proven && !target.printed) out.push_back(target.object);
+    target.checks = target.passed = target.undoubted = 0;
+    target.proven = false;
+  }
+  return out;
+}
+
 void ObjectSearch::learn(CameraId camera, const Frame& frame,
                          std::span<const PoseTrackPtr> tracks) {
   const Time capture = frame.info().capture;
@@ -155,6 +172,8 @@ void ObjectSearch::add_frame(CameraId camera, const Frame& frame,
   if (std::find(delivered_.begin(), delivered_.end(), camera) == delivered_.end()) {
     delivered_.push_back(camera);
   }
+  const CameraPlacePtr& place = frame.info().place;
+  if (place && !place->trusted()) return;
   learn(camera, frame, tracks);
   const BackgroundModel* background =
       camera.index() < backgrounds_.size() ? backgrounds_[camera.index()].get() : nullptr;
@@ -269,9 +288,9 @@ bool ObjectSearch::check_due(const Target& target, Time now, std::span<const Pos
   return now - target.checked >= pause;
 }
 
-// Which end is up, a nearly round shape shows so little that the first look at it errs often.
+// The first look errs now and then, by a turn; so does what comes back into view.
 bool ObjectSearch::doubted(const Target& target) {
-  const bool unproven = target.checks == 0 && !target.printed && target.views->near_axis();
+  const bool unproven = !target.proven && !target.printed;
   return unproven || target.suspicion || target.doubts > 0;
 }
 
@@ -293,9 +312,14 @@ void ObjectSearch::check(Target& target, Time now, std::span<const PoseTrackPtr>
       target.detector->compare_orientations(pose, at.estimate.twist, now, target.colors.get());
   log::debug("check: {}: {:.2f} in its orientation, {:.2f} in another", target.object.index(),
              compared.here, compared.other);
-  if (compared.here == 0 && compared.other == 0) return;  // no frame to look at
+  if (compared.here == 0 && compared.other == 0) {  // nowhere to be seen: nothing to hold back
+    target.proven = true;
+    return;
+  }
   Detection other;
-  if (turned(target, pose, compared)) {
+  const bool is_turned = turned(target, pose, compared);
+  note_passed(target, compared);
+  if (is_turned) {
     other = target.policy.by_outline(std::move(compared.best), target.colors.get());
   } else if (target.doubts >= kDoubts) {  // it may be covered; then nothing is found elsewhere
     target.doubts = 0;
@@ -306,13 +330,32 @@ void ObjectSearch::check(Target& target, Time now, std::span<const PoseTrackPtr>
   if (other.poses.empty()) return;
   target.found = std::move(other);
   target.refutes = true;
-  target.checks = target.doubts = 0;
+  begin_proof(target);
+  target.doubts = 0;
   target.suspicion.reset();
   ++checks_.refuted;
   log::debug("check: {}: refuted, {:.0f} deg and {:.0f} mm off", target.object.index(),
              57.3 * rotation_angle(pose, target.found.poses.front().world_from_object),
              1e3 * translation_distance(pose, target.found.poses.front().world_from_object));
   append(target.found, true, out);
+}
+
+// What stands out by little may err: it has to pass more checks.
+void ObjectSearch::begin_proof(Target& target) {
+  target.checks = target.passed = target.undoubted = 0;
+  target.proven = false;
+  if (target.found.poses.empty()) return;
+  target.found_weakly = target.found.by_contour && target.found.poses.front().evidence < kWeakScore;
+}
+
+// In a row, because a wrong orientation passes now and then. Of what stands still another one may
+// score more by a hair, every time: that is no reason to doubt it for ever.
+void ObjectSearch::note_passed(Target& target, const OrientationComparison& compared) {
+  const bool passes = compared.other <= compared.here && compared.here >= kMinScoreHere;
+  target.passed = passes ? target.passed + 1 : 0;
+  target.undoubted = target.doubts == 0 && !target.suspicion ? target.undoubted + 1 : 0;
+  target.proven |= target.passed >= (target.found_weakly ? kChecksOfWeak : 1) ||
+                   target.undoubted >= kChecksWithoutDoubt;
 }
 
 // Whether the checks in a row that show it in the same other orientation are enough. What speaks
@@ -347,7 +390,6 @@ void ObjectSearch::search(Target& target, Time now, std::vector<Observation>& ou
   target.last = now;
   target.searched = true;
   target.by_features = target.refutes = false;
-  target.checks = 0;
   target.checked = now;
   target.suspicion.reset();
   target.doubts = 0;
@@ -355,6 +397,7 @@ void ObjectSearch::search(Target& target, Time now, std::vector<Observation>& ou
   target.found = look_where_told(target, now);
   if (target.found.poses.empty()) target.found = look_everywhere(target);
   if (!target.found.poses.empty()) target.told.reset();
+  begin_proof(target);
   SearchWork done = work();
   done -= before;
   target.pause = pause_after(target, now, done);

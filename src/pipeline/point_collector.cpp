@@ -17,7 +17,11 @@ PointCollector::PointCollector(const Installation& installation, const Rig& rig)
 
 void PointCollector::step(std::span<const CameraFrame> frames,
                           std::span<const PoseTrackPtr> tracks) {
-  for (const CameraFrame& seen : frames) finder_.add_frame(seen.camera, seen.frame);
+  for (const CameraFrame& seen : frames) {
+    finder_.add_frame(seen.camera, seen.frame);
+    const CameraPlacePtr& place = seen.frame->info().place;
+    if (place) cameras_[seen.camera.index()].world_from_camera = place->world_from_camera;
+  }
   found_.clear();
   finder_.find(tracks, found_);
   for (const ObjectPoints::Found& found : found_) keep(found);

@@ -15,6 +15,18 @@ namespace fs = std::filesystem;
 // Time for the other cameras of the recording to be opened before the first frame is due.
 constexpr Duration kHeadStart = 500ms;
 
+// In step, turns begin at multiples of their length in UTC: each host finds that out by itself.
+std::shared_ptr<const ReplayClock> make_clock(const Recording& recording,
+                                              const CameraConfig& camera) {
+  const Time start = MonotonicClock::now() + kHeadStart;
+  auto clock = std::make_shared<const ReplayClock>(recording, start);
+  const int64_t turn = clock->loop_period().count();
+  if (!camera.in_step || turn <= 0) return clock;
+  const Duration over(utc_ns_of(start) % turn);
+  const Duration shift = camera.loop ? -over : Duration(turn) - over;
+  return std::make_shared<const ReplayClock>(recording, start + shift);
+}
+
 Result<size_t> index_in(const Recording& recording, const CameraConfig& camera) {
   for (size_t i = 0; i < recording.cameras.size(); ++i) {
     if (recording.cameras[i].name == camera.recorded_as) return i;
@@ -53,8 +65,9 @@ void ReplayLibrary::settle(const fs::path& folder, const Entry& made) {
   settled_.notify_all();
 }
 
-Result<ReplayLibrary::Entry> ReplayLibrary::entry(const fs::path& folder,
+Result<ReplayLibrary::Entry> ReplayLibrary::entry(const CameraConfig& camera,
                                                   const std::stop_token& stop) {
+  const fs::path& folder = camera.recording;
   SL_ASSIGN(const Entry known, entry_or_turn(folder, stop));
   if (known.recording) return known;
   struct Settler {
@@ -66,8 +79,7 @@ Result<ReplayLibrary::Entry> ReplayLibrary::entry(const fs::path& folder,
   const Waiting wait("the disk");
   SL_ASSIGN(Recording opened, open_recording(folder, RecordingMode::kReplay, stop));
   for (const std::string& warning : opened.warnings) log::warning("{}", warning);
-  settler.made.clock =
-      std::make_shared<const ReplayClock>(opened, MonotonicClock::now() + kHeadStart);
+  settler.made.clock = make_clock(opened, camera);
   settler.made.recording = std::make_shared<const Recording>(std::move(opened));
   return Entry(settler.made);  // a copy: what is settled must not be moved from
 }
@@ -75,17 +87,23 @@ Result<ReplayLibrary::Entry> ReplayLibrary::entry(const fs::path& folder,
 Result<std::unique_ptr<FrameSource>> ReplayLibrary::open(const CameraConfig& camera, CameraId id,
                                                          bool payload,
                                                          const std::stop_token& stop) {
-  SL_ASSIGN(const Entry played, entry(camera.recording, stop));
+  SL_ASSIGN(const Entry played, entry(camera, stop));
   SL_ASSIGN(const size_t index, index_in(*played.recording, camera));
   PacedReplayOptions options;
   options.loop = camera.loop;
   options.payload = payload;
+  options.axes = axis_history_of(camera);
+  options.time_offset = from_seconds(camera.calibration.time_offset_s);
+  if (options.axes && played.recording->cameras[index].axes.empty()) {
+    log::warning("{}: the camera turns, but {} has no angles of it: it has no vote", camera.name,
+                 (camera.recording / "axes.csv").string());
+  }
   const Waiting wait("the disk");
   return open_paced_replay(played.recording, index, id, played.clock, options);
 }
 
 Result<PixelFormat> ReplayLibrary::payload_format(const CameraConfig& camera) {
-  SL_ASSIGN(const Entry played, entry(camera.recording, {}));
+  SL_ASSIGN(const Entry played, entry(camera, {}));
   SL_ASSIGN(const size_t index, index_in(*played.recording, camera));
   const RecordedCamera& recorded = played.recording->cameras[index];
   // Whether packets can be passed on depends on the stream (reordered images), not on its codec.
@@ -108,6 +126,28 @@ std::vector<Duration> time_offsets(const Recording& recording, const Installatio
     }
   }
   return offsets;
+}
+
+std::shared_ptr<AxisHistory> axis_history_of(const CameraConfig& camera) {
+  const CalibratedCamera& calibration = camera.calibration;
+  if (!calibration.axes) return nullptr;
+  return std::make_shared<AxisHistory>(*calibration.axes, calibration.model.parameters().fx);
+}
+
+AxisHistories axis_histories(const Recording& recording, const Installation& installation) {
+  AxisHistories histories(recording.cameras.size());
+  for (size_t i = 0; i < histories.size(); ++i) {
+    for (const CameraConfig& camera : installation.cameras) {
+      const std::string& name = camera.recorded_as.empty() ? camera.name : camera.recorded_as;
+      if (name != recording.cameras[i].name) continue;
+      histories[i] = axis_history_of(camera);
+      if (histories[i] && recording.cameras[i].axes.empty()) {
+        log::warning("{}: the camera turns, but {} has no angles of it: it has no vote", name,
+                     (recording.path / "axes.csv").string());
+      }
+    }
+  }
+  return histories;
 }
 
 }  // namespace sightline

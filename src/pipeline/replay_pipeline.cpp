@@ -15,7 +15,8 @@ namespace {
 constexpr double kDefaultRate = 30;
 
 bool is_told(CalibrationState state) {
-  return is_wrong(state) || state == CalibrationState::kDisputed;
+  return is_wrong(state) || state == CalibrationState::kDisputed ||
+         state == CalibrationState::kUnfit;
 }
 
 Status make_folder(const std::filesystem::path& folder) {
@@ -171,17 +172,29 @@ Status ReplayPipeline::fuse() {
     if (log_ == nullptr) continue;
     SL_RETURN_IF_ERROR(log_->append(make_pose_log_row(report.estimate, object, camera_names_)));
   }
-  if (chain_->fusion().has_verdict()) tell_verdicts(*chain_->fusion().watch(), now);
+  if (chain_->has_verdict()) tell_verdicts(*chain_->fusion().watch(), now);
   return {};
 }
 
 void ReplayPipeline::tell_verdicts(const CalibrationWatch& watch, Time now) {
   verdicts_.resize(watch.cameras().size());
+  unfit_.resize(verdicts_.size());
   for (size_t i = 0; i < verdicts_.size(); ++i) {
     const CameraWatch& camera = watch.cameras()[i];
     const CalibrationState before = verdicts_[i];
-    verdicts_[i] = camera.state;
-    const bool again = camera.state == CalibrationState::kInOrder && is_wrong(before);
+    // Nothing is known for a while of one that is put back; then it is in order again.
+    if (camera.state != CalibrationState::kUnknown) verdicts_[i] = camera.state;
+    const bool again = camera.state == CalibrationState::kInOrder &&
+                       (is_wrong(before) || before == CalibrationState::kUnfit);
+    if (camera.state == CalibrationState::kUnfit) {
+      std::string words = unfit_words(camera_names_, watch.cameras(), i);
+      if (words == unfit_[i]) continue;
+      log::warning("at {:.1f} s: camera {}: {}", to_seconds(now.time_since_epoch()),
+                   camera_names_[i], words);
+      unfit_[i] = std::move(words);
+      continue;
+    }
+    unfit_[i].clear();
     if (camera.state == before || !(again || is_told(camera.state))) continue;
     log::warning("at {:.1f} s: camera {}: {} since {:.1f} s: {}",
                  to_seconds(now.time_since_epoch()), camera_names_[i], to_string(camera.state),
@@ -210,7 +223,7 @@ Status ReplayPipeline::draw_one(const Frame& frame, Camera& camera) {
   copy_i420(frame.i420(), image->mutable_view());
   const OcclusionDepthPtr hidden = camera.learner ? camera.learner->hidden() : nullptr;
   camera.renderer->draw(image->mutable_view(), frame.info().capture, tracks(), poses_,
-                        {hidden.get()});
+                        {hidden.get(), {}, frame.info().place.get()});
   if (collector_) {
     collector_->marks(camera.id, frame.info().capture, marks_);
     draw_point_marks(image->mutable_view(), marks_, fit_depth_scale(marks_), kManyPoints);

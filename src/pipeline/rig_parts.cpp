@@ -2,6 +2,7 @@
 #include "sightline/pipeline/rig_parts.hpp"
 
 #include "sightline/pipeline/mesh_depth_renderer.hpp"
+#include "sightline/render/raster/turning_depth.hpp"
 
 namespace sightline {
 namespace {
@@ -37,7 +38,9 @@ Result<std::unique_ptr<FiducialObserver>> make_observer(const Installation& inst
 
 Result<std::unique_ptr<OcclusionLearner>> make_learner(const Installation& installation,
                                                        const Rig& rig, CameraId camera) {
-  if (!installation.scene.learn) return std::unique_ptr<OcclusionLearner>();
+  // What hides objects is learned cell by cell of an image that stands still.
+  const bool turns = config_of(installation, camera).calibration.axes.has_value();
+  if (!installation.scene.learn || turns) return std::unique_ptr<OcclusionLearner>();
   std::vector<OccludableObject> objects;
   for (const RigObject& object : rig.objects) {
     objects.push_back({object.named.id, object.mesh->center.cast<double>(),
@@ -65,9 +68,13 @@ Result<std::unique_ptr<VirtualCamera>> make_view(const Installation& installatio
 }
 
 SceneDepth make_scene_depth(const Rig& rig, CameraId camera) {
-  SceneDepth out;
   const auto depth = geometry_of(rig, camera)->static_depth();
-  if (!depth || depth->empty()) return out;
+  if (!depth || depth->empty()) return {};
+  return make_scene_depth(depth);
+}
+
+SceneDepth make_scene_depth(const std::shared_ptr<const StaticDepth>& depth) {
+  SceneDepth out;
   out.tile = {0,
               0,
               depth->width(),
@@ -86,6 +93,12 @@ Result<std::unique_ptr<CameraRenderer>> make_renderer(const Installation& instal
   for (const RigObject& object : rig.objects) {
     objects.push_back(
         {object.named.id, object.named.name, object.mesh, config.overlay, object.levels});
+  }
+  if (config.calibration.axes) {
+    auto turning = std::make_shared<TurningDepth>(geometry->rays(), rig.scene);
+    const auto depth = turning->depth();
+    return CameraRenderer::create(config.calibration, camera, std::move(objects), geometry->rays(),
+                                  depth, installation.render, std::move(turning));
   }
   return CameraRenderer::create(config.calibration, camera, std::move(objects), geometry->rays(),
                                 geometry->static_depth(), installation.render);

@@ -47,6 +47,25 @@ class TimeOffsetSource final : public FrameSource {
   const Duration offset_;
 };
 
+// Frames of a camera that turns, by what is known of its angles when each arrives.
+class TurningSource final : public FrameSource {
+ public:
+  TurningSource(std::unique_ptr<FrameSource> source, std::shared_ptr<const AxisHistory> axes)
+      : source_(std::move(source)), axes_(std::move(axes)) {}
+  const SourceInfo& info() const override { return source_->info(); }
+  Result<SourceStep> next(std::stop_token stop, Duration timeout) override {
+    SL_ASSIGN(SourceStep step, source_->next(std::move(stop), timeout));
+    if (step.frame) {
+      step.frame = Frame::with_place(step.frame, axes_->place_at(step.frame->info().capture));
+    }
+    return step;
+  }
+
+ private:
+  std::unique_ptr<FrameSource> source_;
+  const std::shared_ptr<const AxisHistory> axes_;
+};
+
 bool is_mjpeg(const std::string& format) { return format == "MJPEG" || format == "MJPG"; }
 
 // How well a camera's clock is known.
@@ -69,7 +88,19 @@ ClockGauges clock_gauges(Registry& registry, const std::string& camera) {
 
 }  // namespace
 
-SourceFactory::Opener SourceFactory::opener(const CameraConfig& camera, CameraId id, bool payload) {
+SourceFactory::Opener SourceFactory::opener(const CameraConfig& camera, CameraId id, bool payload,
+                                            std::shared_ptr<const AxisHistory> axes) {
+  Opener open = timed_opener(camera, id, payload);
+  if (!axes || camera.source == SourceKind::kReplay) return open;
+  return [open = std::move(open),
+          axes](const std::stop_token& stop) -> Result<std::unique_ptr<FrameSource>> {
+    SL_ASSIGN(auto source, open(stop));
+    return std::unique_ptr<FrameSource>(std::make_unique<TurningSource>(std::move(source), axes));
+  };
+}
+
+SourceFactory::Opener SourceFactory::timed_opener(const CameraConfig& camera, CameraId id,
+                                                  bool payload) {
   Opener open = bare_opener(camera, id, payload);
   const Duration offset = from_seconds(camera.calibration.time_offset_s);
   if (offset == Duration(0)) return open;

@@ -16,9 +16,12 @@ Result<std::unique_ptr<TrackingChain>> TrackingChain::create(const Installation&
   std::unique_ptr<TrackingChain> chain(new TrackingChain());
   chain->objects_ = rig.names();
   chain->observers_.resize(installation.cameras.size());
+  chain->rooms_.resize(installation.cameras.size());
+  const auto references = std::make_shared<SceneReferences>();
   for (const CameraId camera : cameras) {
     SL_ASSIGN(chain->observers_.at(camera.index()),
               CameraObserver::create(installation, rig, camera));
+    chain->rooms_[camera.index()] = RoomWatch::create(installation, rig, camera, references);
   }
   SL_ASSIGN(chain->fusion_,
             ObjectFusion::create(installation.estimator, chain->objects_, rig.shape_symmetry(),
@@ -38,6 +41,10 @@ std::unique_ptr<ObjectSearch> TrackingChain::take_search() {
 
 void TrackingChain::begin(Time now) {
   set_.clear();
+  room_verdict_ = false;
+  if (search_) {
+    for (const ObjectId object : search_->note_unseen(tracks())) fusion_->set_doubted(object, true);
+  }
   if (!timed_) return;
   const bool searching = timed_->under_way();
   const std::vector<Observation> found = timed_->advance(now, tracks());
@@ -49,6 +56,10 @@ void TrackingChain::observe(const CameraFrame& seen) {
   const size_t first = set_.size();
   if (CameraObserver* const camera = observer(seen.camera)) {
     camera->step(*seen.frame, tracks(), set_);
+  }
+  if (RoomWatch* const room = rooms_.at(seen.camera.index()).get()) {
+    const auto look = room->step(*seen.frame, tracks());
+    if (look && fusion_->watch()) room_verdict_ |= fusion_->watch()->add(*look);
   }
   for (size_t i = first; i < set_.size(); ++i) set_[i].camera = seen.camera;
   for (const NamedObject& object : objects_) {

@@ -10,4 +10,8 @@ Result<std::unique_ptr<MqttClient>> MqttClient::create(const MqttOptions& option
                     "this program was built without MQTT (libmosquitto)");
 }
 
+Result<std::unique_ptr<MqttClient>> MqttClient::create(const MqttOptions& options, MqttSession) {
+  return create(options);
+}
+
 }  // namespace sightline

@@ -15,9 +15,8 @@ using namespace std::chrono_literals;
 
 namespace {
 
-constexpr Duration kFirstWait = 1s, kMaxWait = 30s;  // between attempts to connect
-constexpr int kKeepAlive_s = 15;                     // a broker that is silent for longer is gone
-constexpr int kGoodbyeTurns = 20;                    // of 10 ms, for what is left to send
+constexpr Duration kFirstWait = 1s;  // between attempts to connect
+constexpr int kGoodbyeTurns = 20;    // of 10 ms, for what is left to send
 constexpr const char* kRefused = "the broker refuses: ";
 constexpr size_t kMostPassword = 4096;
 
@@ -32,12 +31,12 @@ struct Free {
 
 class MosquittoClient final : public MqttClient {
  public:
-  explicit MosquittoClient(const MqttOptions& options)
-      : options_(options), status_topic_(options.topic + "/status") {}
+  MosquittoClient(const MqttOptions& options, MqttSession session)
+      : options_(options), session_(std::move(session)) {}
 
   ~MosquittoClient() override {
     if (!connected_) return;
-    (void)publish(status_topic_, "offline", true);
+    if (!session_.will_topic.empty()) (void)publish(session_.will_topic, session_.will, true, 0);
     mosquitto_disconnect(client_.get());
     for (int i = 0; i < kGoodbyeTurns && mosquitto_want_write(client_.get()); ++i) {
       turn(10ms, -1);
@@ -51,16 +50,24 @@ class MosquittoClient final : public MqttClient {
     if (!client_) {
       return make_error(ErrorCode::kInternal, options_.host, "no MQTT client could be made");
     }
+    // A message that waits to be sent with the next one is an old one.
+    mosquitto_int_option(client_.get(), MOSQ_OPT_TCP_NODELAY, 1);
     mosquitto_connect_callback_set(client_.get(), [](mosquitto*, void* self, int code) {
       static_cast<MosquittoClient*>(self)->on_answer(code);
     });
-    SL_RETURN_IF_ERROR(
-        check("say the last will",
-              mosquitto_will_set(client_.get(), status_topic_.c_str(), 7, "offline", 1, true)));
+    mosquitto_message_callback_set(client_.get(),
+                                   [](mosquitto*, void* self, const mosquitto_message* message) {
+                                     static_cast<MosquittoClient*>(self)->on_message(*message);
+                                   });
+    if (!session_.will_topic.empty()) SL_RETURN_IF_ERROR(leave_will());
     if (!options_.user.empty()) SL_RETURN_IF_ERROR(log_in());
     if (options_.ca_file.empty()) return {};
-    return check("use this ca_file", mosquitto_tls_set(client_.get(), options_.ca_file.c_str(),
-                                                       nullptr, nullptr, nullptr, nullptr));
+    const auto file = [](const std::filesystem::path& path) {
+      return path.empty() ? nullptr : path.c_str();
+    };
+    return check("use these certificates",
+                 mosquitto_tls_set(client_.get(), options_.ca_file.c_str(), nullptr,
+                                   file(options_.certificate), file(options_.key), nullptr));
   }
 
   void step(Duration timeout, int wake_fd) override {
@@ -79,12 +86,14 @@ class MosquittoClient final : public MqttClient {
   bool connected() const override { return connected_; }
   std::string problem() const override { return problem_; }
 
-  bool publish(const std::string& topic, const std::string& payload, bool retain) override {
+  bool publish(const std::string& topic, const std::string& payload, bool retain,
+               int qos) override {
     if (!connected_) return false;
     if (!mosquitto_want_write(client_.get())) waiting_ = 0;
     if (waiting_ + payload.size() > kMostWaiting) return false;
-    const int code = mosquitto_publish(client_.get(), nullptr, topic.c_str(),
-                                       static_cast<int>(payload.size()), payload.data(), 0, retain);
+    const int code =
+        mosquitto_publish(client_.get(), nullptr, topic.c_str(), static_cast<int>(payload.size()),
+                          payload.data(), qos, retain);
     if (mosquitto_want_write(client_.get())) waiting_ += payload.size();
     if (code == MOSQ_ERR_SUCCESS) return true;
     lose(code);
@@ -96,6 +105,13 @@ class MosquittoClient final : public MqttClient {
     if (code == MOSQ_ERR_SUCCESS) return {};
     return make_error(ErrorCode::kInvalidInput, options_.host, "cannot {}: {}", tried,
                       code == MOSQ_ERR_ERRNO ? std::strerror(errno) : mosquitto_strerror(code));
+  }
+
+  // A session without a topic for it has no will, as of somebody who only listens.
+  Status leave_will() {
+    return check("say the last will", mosquitto_will_set(client_.get(), session_.will_topic.c_str(),
+                                                         static_cast<int>(session_.will.size()),
+                                                         session_.will.data(), 1, true));
   }
 
   Status log_in() {
@@ -110,8 +126,8 @@ class MosquittoClient final : public MqttClient {
 
   void connect() {
     const Waiting wait("the MQTT broker");
-    const int code =
-        mosquitto_connect(client_.get(), options_.host.c_str(), options_.port, kKeepAlive_s);
+    const int code = mosquitto_connect(client_.get(), options_.host.c_str(), options_.port,
+                                       session_.keep_alive_s);
     if (code != MOSQ_ERR_SUCCESS) lose(code);
   }
 
@@ -124,7 +140,18 @@ class MosquittoClient final : public MqttClient {
     problem_.clear();
     wait_ = {};
     waiting_ = 0;
-    (void)publish(status_topic_, "online", true);
+    for (const MqttSession::Subscription& to : session_.subscriptions) {
+      mosquitto_subscribe(client_.get(), nullptr, to.topic.c_str(), to.qos);
+    }
+    if (session_.on_connect) session_.on_connect();
+  }
+
+  void on_message(const mosquitto_message& message) const {
+    if (!session_.on_message || message.topic == nullptr || message.payloadlen < 0) return;
+    session_.on_message(
+        message.topic,
+        {static_cast<const char*>(message.payload), static_cast<size_t>(message.payloadlen)},
+        message.retain);
   }
 
   void lose(int code) {
@@ -134,7 +161,7 @@ class MosquittoClient final : public MqttClient {
     if (!answered || !problem_.starts_with(kRefused)) {
       problem_ = code == MOSQ_ERR_ERRNO ? std::strerror(errno) : mosquitto_strerror(code);
     }
-    wait_ = std::clamp<Duration>(2 * wait_, kFirstWait, kMaxWait);
+    wait_ = std::clamp<Duration>(2 * wait_, kFirstWait, session_.longest_wait);
     next_try_ = MonotonicClock::now() + wait_;
   }
 
@@ -160,7 +187,7 @@ class MosquittoClient final : public MqttClient {
   }
 
   const MqttOptions options_;
-  const std::string status_topic_;
+  const MqttSession session_;
   std::unique_ptr<mosquitto, Free> client_;
   bool connected_ = false;
   std::string problem_;
@@ -173,10 +200,24 @@ class MosquittoClient final : public MqttClient {
 
 bool mqtt_available() { return true; }
 
-Result<std::unique_ptr<MqttClient>> MqttClient::create(const MqttOptions& options) {
-  auto client = std::make_unique<MosquittoClient>(options);
+Result<std::unique_ptr<MqttClient>> MqttClient::create(const MqttOptions& options,
+                                                       MqttSession session) {
+  auto client = std::make_unique<MosquittoClient>(options, std::move(session));
   SL_RETURN_IF_ERROR(client->start());
   return std::unique_ptr<MqttClient>(std::move(client));
+}
+
+Result<std::unique_ptr<MqttClient>> MqttClient::create(const MqttOptions& options) {
+  const auto made = std::make_shared<MqttClient*>(nullptr);
+  MqttSession session;
+  session.will_topic = options.topic + "/status";
+  session.will = "offline";
+  session.on_connect = [made, topic = session.will_topic] {
+    if (*made != nullptr) (void)(*made)->publish(topic, "online", true);
+  };
+  SL_ASSIGN(auto client, create(options, std::move(session)));
+  *made = client.get();
+  return client;
 }
 
 }  // namespace sightline

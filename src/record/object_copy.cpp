@@ -6,6 +6,7 @@
 
 #include "record/object_parts.hpp"
 #include "sightline/base/files.hpp"
+#include "sightline/record/copy_files.hpp"
 
 namespace sightline::record {
 namespace {
@@ -142,3 +143,12 @@ Result<std::vector<std::string>> copy_objects(const std::vector<fs::path>& objec
 }
 
 }  // namespace sightline::record
+
+namespace sightline {
+
+Status copy_file_and_parts(const std::filesystem::path& file, const std::filesystem::path& folder,
+                           std::vector<std::string>& left_out) {
+  return record::copy_with_parts(file, folder, left_out);
+}
+
+}  // namespace sightline

@@ -14,6 +14,7 @@ namespace sightline::record {
 namespace {
 
 constexpr const char* kDisk = "the disk";
+constexpr int64_t kAhead = int64_t{8} << 20;
 
 Error system_error(const std::string& path, const char* tried) {
   const int code = errno;
@@ -40,6 +41,14 @@ Status OutFile::write(std::string_view bytes) {
     bytes.remove_prefix(static_cast<size_t>(n));
   }
   return {};
+}
+
+void OutFile::reserve(int64_t size) {
+  if (size <= reserved_ || reserved_ < 0) return;
+  const Waiting wait(kDisk);
+  const int64_t from = reserved_;
+  reserved_ = size + kAhead;
+  if (::fallocate(fd_.get(), FALLOC_FL_KEEP_SIZE, from, reserved_ - from) != 0) reserved_ = -1;
 }
 
 Status OutFile::seek(int64_t offset) {
@@ -71,6 +80,10 @@ Status OutFile::sync() {
 Status OutFile::close() {
   if (!fd_.is_open()) return {};
   const Waiting wait(kDisk);
+  if (reserved_ != 0) {
+    const auto used = size();
+    if (used) (void)truncate(*used);
+  }
   if (::close(fd_.release()) != 0) return system_error(path_, "cannot close");
   return {};
 }

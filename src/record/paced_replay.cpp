@@ -141,7 +141,8 @@ Result<std::unique_ptr<FrameSource>> open_paced_replay(std::shared_ptr<const Rec
                                                        std::shared_ptr<const ReplayClock> clock,
                                                        const PacedReplayOptions& options) {
   const ReplayCameraOptions camera_options{VideoReaderOptions{options.payload, {}},
-                                           options.loop ? options.keep_decoded_bytes : 0};
+                                           options.loop ? options.keep_decoded_bytes : 0,
+                                           options.axes, options.time_offset};
   SL_ASSIGN(auto source, ReplayCamera::open(std::move(recording), camera, id, camera_options));
   return std::unique_ptr<FrameSource>(
       std::make_unique<PacedReplay>(std::move(source), id, std::move(clock), options));

@@ -7,6 +7,7 @@
 #include "record/csv.hpp"
 #include "record/manifest.hpp"
 #include "sightline/base/files.hpp"
+#include "sightline/record/axes_csv.hpp"
 #include "sightline/record/video_reader.hpp"
 
 namespace sightline {
@@ -111,11 +112,16 @@ Status fill_cameras(const RecordingManifest& manifest, const std::string& toml, 
   for (const auto& camera : manifest.cameras) names.push_back(camera.name);
   const std::string csv = (out.path / "frames.csv").string();
   SL_ASSIGN(auto rows, read_frames_csv(csv, names, &out.warnings));
+  std::vector<std::vector<AxisReading>> axes(names.size());
+  if (const auto file = if_there(out.path / "axes.csv")) {
+    SL_ASSIGN(axes, read_axes_csv(*file, names, &out.warnings));
+  }
   TailFitter fitter(csv, mode, out.warnings);
   for (size_t i = 0; i < names.size(); ++i) {
     const auto& from = manifest.cameras[i];
-    RecordedCamera camera{from.name,   out.path / from.file, from.codec,        from.width,
-                          from.height, from.pixels,          std::move(rows[i])};
+    RecordedCamera camera{from.name,          out.path / from.file, from.codec,
+                          from.width,         from.height,          from.pixels,
+                          std::move(rows[i]), std::move(axes[i])};
     SL_ASSIGN(const uint64_t images,
               count_images(camera, line_of(toml, static_cast<size_t>(from.line)), mode, stop,
                            out.warnings));

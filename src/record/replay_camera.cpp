@@ -11,6 +11,8 @@ Result<std::unique_ptr<ReplayCamera>> ReplayCamera::open(std::shared_ptr<const R
   SL_CHECK(camera < recording->cameras.size(), "no such camera in the recording");
   std::unique_ptr<ReplayCamera> replay(new ReplayCamera(std::move(recording), camera, id));
   const RecordedCamera& from = replay->camera();
+  replay->axes_ = options.axes;
+  replay->time_offset_ = options.time_offset;
   if (from.rows.empty()) return replay;  // its video need not be there
   VideoReaderOptions reader = options.reader;
   reader.raw_format = from.pixels;
@@ -45,7 +47,19 @@ Result<VideoFrame> ReplayCamera::take_image() {
   return *std::move(image);
 }
 
+// A reading counts from its stamp on: live, too, nobody would have had it sooner.
+CameraPlacePtr ReplayCamera::place_of(const RecordedRow& recorded, const RecordedRow& now) {
+  const std::vector<AxisReading>& readings = camera().axes;
+  while (next_reading_ < readings.size() && readings[next_reading_].stamp <= recorded.arrival) {
+    axes_->add(readings[next_reading_++]);
+  }
+  CameraPlace place = axes_->place(recorded.capture + time_offset_);
+  for (AxisReading& reading : place.readings) reading.stamp += now.capture - recorded.capture;
+  return std::make_shared<const CameraPlace>(std::move(place));
+}
+
 Result<FramePtr> ReplayCamera::take(const RecordedRow& stamp) {
+  const std::optional<RecordedRow> recorded = row_;
   SL_ASSIGN(VideoFrame image, take_image());
   FrameInfo info;
   info.camera = id_;
@@ -57,6 +71,7 @@ Result<FramePtr> ReplayCamera::take(const RecordedRow& stamp) {
   info.format = image.format;
   info.width = camera().width;
   info.height = camera().height;
+  if (axes_ && recorded) info.place = place_of(*recorded, stamp);
   return Frame::decoded(info, std::move(image.image), std::move(image.payload), half_pool_);
 }
 
@@ -68,6 +83,8 @@ Status ReplayCamera::skip() {
 Status ReplayCamera::rewind() {
   const bool all_kept = kept_.size() == camera().rows.size();
   go_to(0);
+  next_reading_ = 0;
+  if (axes_) axes_->clear();
   if (all_kept) {
     reader_.reset();  // its decoder and images are not needed any more
     return {};

@@ -14,6 +14,9 @@ namespace sightline::record {
 struct ReplayCameraOptions {
   VideoReaderOptions reader;
   size_t keep_decoded_bytes = 0;  ///< images are kept if all of them fit
+  /// Of a camera that turns: what its recorded angles are put into as time passes. Null: it stands.
+  std::shared_ptr<AxisHistory> axes = nullptr;
+  Duration time_offset{0};  ///< of the calibration: frames were taken so much later than stamped
 };
 
 /// The rows of one recorded camera with their images, in order.
@@ -39,6 +42,9 @@ class ReplayCamera {
     go_to(0);
   }
   void go_to(size_t next);
+  /// Where the camera stood, as far as was known when the frame arrived. `now`: the stamps of the
+  /// frame as it is played, by which those of the readings are moved, too.
+  CameraPlacePtr place_of(const RecordedRow& recorded, const RecordedRow& now);
   Result<VideoFrame> take_image();
 
   const std::shared_ptr<const Recording> recording_;
@@ -50,6 +56,9 @@ class ReplayCamera {
   size_t next_ = 0;
   std::optional<RecordedRow> row_;
   std::vector<VideoFrame> kept_;
+  std::shared_ptr<AxisHistory> axes_;
+  Duration time_offset_{0};
+  size_t next_reading_ = 0;
 };
 
 }  // namespace sightline::record

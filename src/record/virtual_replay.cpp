@@ -50,11 +50,14 @@ class VirtualReplayOfFiles final : public VirtualReplay {
 
 Result<std::unique_ptr<VirtualReplay>> VirtualReplay::open(
     std::shared_ptr<const Recording> recording, const VideoReaderOptions& options,
-    std::vector<Duration> time_offsets) {
+    std::vector<Duration> time_offsets, AxisHistories axes) {
   std::vector<std::unique_ptr<ReplayCamera>> cameras;
+  time_offsets.resize(recording->cameras.size());
+  axes.resize(recording->cameras.size());
   for (size_t i = 0; i < recording->cameras.size(); ++i) {
-    SL_ASSIGN(auto camera, ReplayCamera::open(recording, i, CameraId(static_cast<uint32_t>(i)),
-                                              ReplayCameraOptions{options, 0}));
+    SL_ASSIGN(auto camera,
+              ReplayCamera::open(recording, i, CameraId(static_cast<uint32_t>(i)),
+                                 ReplayCameraOptions{options, 0, axes[i], time_offsets[i]}));
     cameras.push_back(std::move(camera));
   }
   return std::unique_ptr<VirtualReplay>(

@@ -10,6 +10,7 @@
 #include "record/recording_folder.hpp"
 #include "sightline/base/files.hpp"
 #include "sightline/base/log.hpp"
+#include "sightline/record/axes_csv.hpp"
 
 namespace sightline {
 
@@ -61,7 +62,8 @@ struct CameraState {
   uint64_t sequence_offset = 0;  ///< added, so that numbers grow over reopened sources too
   Time last_capture{};
   Time last_flush{};
-  uint64_t left_out = 0;  ///< frames since the last row
+  uint64_t left_out = 0;            ///< frames since the last row
+  Time last_reading = Time::min();  ///< of its angles
 };
 
 class FolderWriter final : public RecordingWriter {
@@ -128,6 +130,10 @@ class FolderWriter final : public RecordingWriter {
     closed_ = true;
     for (auto& camera : cameras_) keep_first(camera.file->close());
     if (poses_) keep_first(poses_->close());
+    if (axes_) {
+      keep_first(axes_->sync());
+      keep_first(axes_->close());
+    }
     keep_first(rows_.sync());
     keep_first(rows_.close());
     return status_;
@@ -154,6 +160,7 @@ class FolderWriter final : public RecordingWriter {
     }
     CameraState& camera = cameras_[info.camera.index()];
     if (!start_) start_ = last_sync_ = stamp;
+    if (info.place) SL_RETURN_IF_ERROR(append_axes(camera, *info.place));
     follow_epoch(camera, info);
     const uint64_t sequence = info.sequence + camera.sequence_offset;
     // The reader refuses numbers and times that do not grow.
@@ -166,6 +173,22 @@ class FolderWriter final : public RecordingWriter {
     SL_ASSIGN(const bool taken, camera.file->append(frame, stamp - *start_));
     if (!taken) return leave_out(camera);
     return finish_row(camera, info, sequence);
+  }
+
+  /// Frames bring the readings of the last moments, so that one that is dropped costs none.
+  Status append_axes(CameraState& camera, const CameraPlace& place) {
+    std::string rows;
+    for (const AxisReading& reading : place.readings) {
+      if (reading.stamp <= camera.last_reading) continue;
+      camera.last_reading = reading.stamp;
+      rows += format_axes_row(camera.file->camera().name, reading) + '\n';
+    }
+    if (rows.empty()) return {};
+    if (!axes_) {
+      SL_ASSIGN(axes_, OutFile::create(folder_ / "axes.csv", OutFile::Existing::kRefuse));
+      SL_RETURN_IF_ERROR(axes_->write(std::string(kAxesHeader) + '\n'));
+    }
+    return axes_->write(rows);
   }
 
   static void follow_epoch(CameraState& camera, const FrameInfo& info) {
@@ -210,12 +233,14 @@ class FolderWriter final : public RecordingWriter {
       camera.last_flush = now;
     }
     if (poses_) SL_RETURN_IF_ERROR(poses_->flush());
+    if (axes_) SL_RETURN_IF_ERROR(axes_->sync());
     return rows_.sync();
   }
 
   const fs::path folder_;
   const Duration sync_every_;
   OutFile rows_;
+  std::optional<OutFile> axes_;  ///< once a camera turns
   std::vector<CameraState> cameras_;
   std::unique_ptr<PoseLogWriter> poses_;
   std::optional<Time> start_, last_sync_;

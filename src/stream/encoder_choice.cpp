@@ -1,19 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "stream/encoder_choice.hpp"
 
-#include <gst/app/gstappsink.h>
-#include <gst/app/gstappsrc.h>
-
-#include <map>
-#include <mutex>
 #include <vector>
 
-#include "sightline/base/log.hpp"
+#include "stream/encoder_probes.hpp"
 
 namespace sightline::stream {
 namespace {
-
-constexpr Duration kProbeTimeout = std::chrono::seconds(3);
 
 bool is_software(const std::string& element) {
   return element == "x264enc" || element == "openh264enc";
@@ -73,65 +66,6 @@ std::string input_caps(const EncoderOptions& options) {
       "video/x-raw,format=I420,width={},height={},framerate={}/{},pixel-aspect-ratio=1/1,"
       "interlace-mode=progressive,colorimetry=bt601",
       options.width, options.height, numerator, denominator);
-}
-
-enum class Answer { kNone, kPacket, kFailure };
-
-/// What a pipeline that was given one image and the end comes to, within the time for it.
-Answer wait_for_answer(GstElement* pipeline) {
-  const auto sink = element_of(pipeline, "sink");
-  const GstObjectPtr<GstBus> bus(gst_element_get_bus(pipeline));
-  const Time deadline = MonotonicClock::now() + kProbeTimeout;
-  while (MonotonicClock::now() < deadline) {
-    const GstMiniPtr<GstSample> sample(
-        gst_app_sink_try_pull_sample(GST_APP_SINK(sink.get()), 20 * GST_MSECOND));
-    if (sample) return Answer::kPacket;
-    const GstMiniPtr<GstMessage> message(gst_bus_pop_filtered(
-        bus.get(), static_cast<GstMessageType>(GST_MESSAGE_EOS | GST_MESSAGE_ERROR)));
-    if (!message) continue;
-    if (GST_MESSAGE_TYPE(message.get()) == GST_MESSAGE_ERROR) {
-      log::debug("encoder probe: {}", text_of_error_message(message.get()));
-    }
-    return Answer::kFailure;
-  }
-  return Answer::kNone;
-}
-
-/// Encodes one gray image; true if an access unit came out in time.
-bool probe(const std::string& element) {
-  EncoderOptions options;
-  options.width = 320;
-  options.height = 240;
-  options.bitrate_kbps = 500;
-  auto built = build_encoder_pipeline(element, options);
-  if (!built) {
-    log::debug("encoder {}: {}", element, built.error().message());
-    return false;
-  }
-  const GstObjectPtr<GstElement> pipeline = *std::move(built);
-  const auto source = element_of(pipeline.get(), "src");
-  const size_t size = 320 * 240 * 3 / 2;
-  GstBuffer* image = gst_buffer_new_allocate(nullptr, size, nullptr);
-  gst_buffer_memset(image, 0, 128, size);
-  GST_BUFFER_PTS(image) = 0;
-  gst_app_src_push_buffer(GST_APP_SRC(source.get()), image);
-  gst_app_src_end_of_stream(GST_APP_SRC(source.get()));
-
-  // On a thread of GStreamer's own: a driver that hangs must not take the caller along.
-  gst_element_call_async(
-      pipeline.get(),
-      [](GstElement* self, gpointer) { gst_element_set_state(self, GST_STATE_PLAYING); }, nullptr,
-      nullptr);
-  const Answer answer = wait_for_answer(pipeline.get());
-  if (answer == Answer::kNone) {
-    log::warning("encoder {} did not answer within {} s: not used", element,
-                 to_seconds(kProbeTimeout));
-    // Stopping could hang as well. The pipeline is left to the stuck driver, on purpose.
-    gst_object_ref(pipeline.get());
-    return false;
-  }
-  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
-  return answer == Answer::kPacket;
 }
 
 }  // namespace
@@ -196,19 +130,8 @@ std::span<const std::string> known_h264_encoders() {
 }
 
 bool h264_encoder_works(const std::string& element) {
-  static std::mutex mutex;
-  static std::map<std::string, bool> answers;
-  std::lock_guard lock(mutex);
-  const auto known = answers.find(element);
-  if (known != answers.end()) return known->second;
-  bool works = false;
-  if (start_gstreamer()) {
-    const GstObjectPtr<GstElementFactory> factory(gst_element_factory_find(element.c_str()));
-    works = factory != nullptr && probe(element);
-  }
-  log::debug("H.264 encoder {}: {}", element, works ? "works" : "not usable here");
-  answers.emplace(element, works);
-  return works;
+  static EncoderProbes probes;
+  return probes.works(element);
 }
 
 }  // namespace sightline

@@ -21,7 +21,7 @@ using namespace sightline::test;
 
 struct Choice {
   std::string out;
-  bool flat = false, floor = false, wall = false;
+  bool flat = false, floor = false, wall = false, moving = false;
   size_t poses = 60, cameras = 2;
   double rate = 12, held = 0.75;
   int width = 640;
@@ -173,8 +173,9 @@ class Recorder {
     for (const CalibratedCamera& camera : rig.truth) eyes_.emplace_back(camera);
   }
 
-  /// On the way there, and held there.
+  /// On the way there, and held there; or on the way alone.
   Status show(const Rigid3& world_from_target) {
+    if (choice_.moving) return pass(world_from_target);
     const Rigid3 before = shown_ ? *shown_ : world_from_target;
     const Vector6 way = difference(before, world_from_target);
     for (int step = 1; shown_ && step < kSteps; ++step) {
@@ -187,6 +188,25 @@ class Recorder {
 
  private:
   static constexpr int kSteps = 4;
+  static constexpr int kMovingSteps = 9;
+
+  // Never still but for a moment between two ways; each image is of its own time.
+  Status pass(const Rigid3& to) {
+    const Rigid3 before = shown_ ? *shown_ : to;
+    const Vector6 way = difference(before, to);
+    for (int step = 0; shown_ && step < kMovingSteps; ++step) {
+      std::vector<std::vector<uint8_t>> images;
+      for (size_t c = 0; c < eyes_.size(); ++c) {
+        const double s =
+            (step + static_cast<double>(c) / static_cast<double>(eyes_.size())) / kMovingSteps;
+        images.push_back(eyes_[c].shoot(
+            std::vector<PlacedPrint>{{&print_, before * Rigid3::exp(way * s * s * (3 - 2 * s))}}));
+      }
+      SL_RETURN_IF_ERROR(append(images));
+    }
+    shown_ = to;
+    return {};
+  }
 
   Status add(const Rigid3& pose, int times) {
     std::vector<std::vector<uint8_t>> images;
@@ -194,17 +214,20 @@ class Recorder {
     // Behind everything that is shown, square to the first camera.
     if (choice_.wall) prints.push_back({&wall_, Rigid3({1, 0, 0, 0}, {-0.2, -0.15, 2.4})});
     for (const Photographer& eye : eyes_) images.push_back(eye.shoot(prints));
+    // Cameras out of step, although all are shown the same: it is for a board that stands still.
+    for (int i = 0; i < times; ++i) SL_RETURN_IF_ERROR(append(images));
+    return {};
+  }
+
+  Status append(const std::vector<std::vector<uint8_t>>& images) {
     const Duration period = from_seconds(1 / choice_.rate);
-    for (int i = 0; i < times; ++i, ++sequence_) {
-      for (uint32_t c = 0; c < images.size(); ++c) {
-        // Cameras out of step, although all are shown the same: it is for a board that stands
-        // still.
-        const Duration phase =
-            choice_.wall ? Duration(0) : period * c / static_cast<int64_t>(images.size());
-        const Time at = Time(std::chrono::seconds(1)) + period * sequence_ + phase;
-        SL_RETURN_IF_ERROR(writer_->append(*noisy(c, images[c], at)));
-      }
+    for (uint32_t c = 0; c < images.size(); ++c) {
+      const Duration phase =
+          choice_.wall ? Duration(0) : period * c / static_cast<int64_t>(images.size());
+      const Time at = Time(std::chrono::seconds(1)) + period * sequence_ + phase;
+      SL_RETURN_IF_ERROR(writer_->append(*noisy(c, images[c], at)));
     }
+    ++sequence_;
     return {};
   }
 
@@ -301,6 +324,7 @@ int main(int argc, char** argv) {
   app.add_option("OUT", choice.out, "folder to make")->required();
   app.add_flag("--flat", choice.flat, "never tilts it");
   app.add_flag("--wall", choice.wall, "tags stand behind it, fixed (wall.toml); cameras in step");
+  app.add_flag("--moving", choice.moving, "is never held still");
   app.add_flag("--floor", choice.floor, "lies on the floor all the time");
   app.add_option("--poses", choice.poses, "at most");
   app.add_option("--cameras", choice.cameras, "how many")->check(CLI::Range(1, 3));

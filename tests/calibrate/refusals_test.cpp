@@ -120,6 +120,21 @@ TEST(Refusals, CornersOutsideTheImage) {
   EXPECT_THAT(solve_rig(rig.views, {}), FailsWith("lies outside the image of 640x720"));
 }
 
+TEST(Refusals, MovingBoardWithoutTimeOffset) {
+  const SyntheticRig late = make_rig({.cameras = 3, .sets = 40, .offset_s = 0.03, .speed = 0.4});
+  const auto result = solve_rig(late.views, {});
+  EXPECT_THAT(result, FailsWith("the target was in motion"));
+  EXPECT_THAT(result, FailsWith("ms +- "));
+  EXPECT_THAT(result, FailsWith("later than they are stamped, compared with cam0"));
+  EXPECT_THAT(result, FailsWith("(--time-offsets)"));
+  EXPECT_EQ(result.error().code, ErrorCode::kInvalidInput);
+  // What moves before cameras that are on time is none, nor what stands before late ones.
+  const SyntheticRig on_time = make_rig({.cameras = 3, .sets = 40, .speed = 0.4});
+  EXPECT_THAT(solve_rig(on_time.views, {}), IsOk());
+  const SyntheticRig still = make_rig({.cameras = 3, .sets = 40, .offset_s = 0.03});
+  EXPECT_THAT(solve_rig(still.views, {}), IsOk());
+}
+
 TEST(Refusals, NotANumber) {
   SyntheticRig rig = good();
   rig.views.views[4].corners[3].pixel.y() = std::numeric_limits<double>::quiet_NaN();

@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "fake_files.hpp"
+#include "sightline/publish/cell/cell_messages.hpp"
 
 namespace sightline {
 namespace {
@@ -29,6 +30,58 @@ Installation parsed(const std::string& text) {
   auto installation = parse(text);
   EXPECT_TRUE(installation.has_value()) << installation.error().message();
   return *std::move(installation);
+}
+
+TEST(Installation, CamerasOfOtherHosts) {
+  const std::string text = R"(calibration = "calibration.toml"
+[cell]
+broker = "10.0.0.1"
+host = "hall-1"
+[[camera]]
+name = "right"
+source = "replay:missing"
+host = "hall-2"
+[[camera]]
+name = "left"
+source = "replay:rec"
+host = "hall-1"
+[[camera]]
+name = "side"
+source = "replay:rec"
+)";
+  if (!cell_available()) GTEST_SKIP();
+  const Installation installation = parsed(text);
+  ASSERT_EQ(installation.cameras.size(), 2U);
+  EXPECT_EQ(installation.cameras[0].name, "left");
+  EXPECT_EQ(installation.cameras[1].name, "side");
+  ASSERT_EQ(installation.cell.cameras.size(), 1U);
+  EXPECT_EQ(installation.cell.cameras[0].name, "right");
+  EXPECT_EQ(installation.cell.cameras[0].host, "hall-2");
+  EXPECT_EQ(installation.cell.cameras[0].calibration, camera_hash(test::calibrated("right")));
+  EXPECT_TRUE(installation.watch.enabled);
+
+  const auto with_role = [&](const std::string& role, const std::string& host) {
+    std::string changed = text;
+    changed.replace(changed.find("host = \"hall-1\""), 15,
+                    "host = \"" + host + "\"\nrole = \"" + role + "\"");
+    return parse(changed);
+  };
+  EXPECT_FALSE(with_role("fusion", "hall-1")) << "it has cameras";
+  const auto cameras = with_role("cameras", "hall-1");
+  ASSERT_TRUE(cameras);
+  EXPECT_FALSE(cameras->watch.enabled) << "places are judged where the estimates are";
+  EXPECT_TRUE(compare(installation, *cameras).cell);
+  const auto other = with_role("both", "hall-1");
+  EXPECT_TRUE(compare(installation, *other).none());
+}
+
+TEST(Installation, AFusionHostNeedsNoCamera) {
+  if (!cell_available()) GTEST_SKIP();
+  const std::string head =
+      "calibration = \"calibration.toml\"\n[cell]\nbroker = \"b\"\nhost = \"f\"\n";
+  const std::string camera = "[[camera]]\nname = \"left\"\nhost = \"a\"\n";
+  EXPECT_TRUE(parsed(head + "role = \"fusion\"\n" + camera).cameras.empty());
+  EXPECT_NE(parse(head + camera).error().text.find("no camera is this host's"), std::string::npos);
 }
 
 TEST(Installation, LiveSources) {

@@ -35,6 +35,8 @@ void body(std::string_view text) {
   SL_CHECK(!mark || mark->size() <= 1000, "a mark has an end");
   (void)parse_overlay(text);
   (void)parse_cameras(text);
+  const auto turn = parse_turn(text);
+  SL_CHECK(!turn || !turn->pan_tilt || turn->pan_tilt->cwiseAbs().maxCoeff() < 6.3, "angles");
 }
 
 void query(std::string_view text) {
@@ -50,6 +52,7 @@ void query(std::string_view text) {
                (pictures->max_rate_hz >= 0.1 && pictures->max_rate_hz <= 240),
            "a rate");
   (void)parse_flag(query, "state");
+  (void)parse_after(query);
 }
 
 void path(std::string_view text) {

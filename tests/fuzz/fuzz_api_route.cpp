@@ -32,6 +32,11 @@ HttpContent content() {
   c.camera_json = c.object_json = named;
   c.hint = [](const std::string&, const HintRequest&) { return Status(); };
   c.forget = [](const std::string&) { return Status(); };
+  c.turn = [](const std::string&, const TurnOrder& order) {
+    SL_CHECK(!order.pan_tilt || order.pan_tilt->cwiseAbs().maxCoeff() < 6.3, "within a turn");
+    return Status();
+  };
+  c.follow = [](const std::string&) { return Status(); };
   c.reload = [] { return Status(); };
   c.set_overlay = [](const OverlayRequest& request) {
     SL_CHECK(!request.keys.empty() && request.keys.ends_with('\n'), "lines of TOML");

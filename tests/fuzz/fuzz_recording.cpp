@@ -6,7 +6,9 @@
 #include <string>
 #include <string_view>
 
+#include "sightline/record/axes_csv.hpp"
 #include "sightline/record/evaluate.hpp"
+#include "sightline/record/merge.hpp"
 #include "sightline/record/pose_log.hpp"
 #include "sightline/record/recording.hpp"
 
@@ -42,6 +44,21 @@ void read_log(std::string_view text) {
   (void)to_json(evaluate(truth, *rows));
 }
 
+void read_angles(std::string_view text) {
+  const std::string cameras[] = {"left", "right", "side"};
+  std::vector<std::string> warnings;
+  const auto axes = parse_axes_csv(text, "axes.csv", cameras, &warnings);
+  if (!axes) return;
+  AxisHistory history(CameraAxes(), 500);
+  for (const auto& readings : *axes) {
+    for (size_t i = 0; i < readings.size(); ++i) {
+      SL_CHECK(i == 0 || readings[i].stamp > readings[i - 1].stamp, "times grow");
+      history.add(readings[i]);
+      SL_CHECK(history.place(readings[i].stamp).covariance->allFinite(), "sigmas are numbers");
+    }
+  }
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
@@ -51,6 +68,9 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     case 'f':
       read_rows(text);
       break;
+    case 'a':
+      read_angles(text);
+      break;
     case 'p':
       read_log(text);
       break;
@@ -58,7 +78,10 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
       (void)parse_truth(text, "truth.csv").has_value();
       break;
     default:
-      (void)parse_recording_toml(text, "recording.toml").has_value();
+      if (const auto manifest = parse_recording_toml(text, "recording.toml")) {
+        (void)parse_rfc3339(manifest->start_utc, "recording.toml").has_value();
+      }
+      (void)parse_rfc3339(text, "recording.toml").has_value();
   }
   return 0;
 }

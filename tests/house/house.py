@@ -26,13 +26,13 @@ SUBROOM_ARROWS = {
     "observe": {"terms": set(), "shape": {"terms"},
                 **{modality: {"terms", "shape"}
                    for modality in ("fiducial", "track", "detect", "features", "scene", "stereo")}},
-    "capture": {"common": set(), "decode": {"common"},
+    "capture": {"common": set(), "axes": set(), "decode": {"common"},
                 **{source: {"common", "decode"} for source in ("v4l2", "aravis", "libcamera", "network")}},
     "render": {"mesh": set(), "raster": {"mesh"}, "gpu": {"mesh", "raster"},
                "overlay": {"mesh", "raster", "gpu"}},
 }
-# The command line runs the daemon's parts (`record`, `cameras --sync`) through these headers alone.
-DAEMON_FOR_CLI = {"daemon.hpp", "signals.hpp", "action_worker.hpp", "capture_session.hpp"}
+# The command line runs the daemon's parts (`record`, `cameras --sync`, `calibrate capture`) through these headers alone.
+DAEMON_FOR_CLI = {"daemon.hpp", "signals.hpp", "action_worker.hpp", "capture_session.hpp", "image_recording.hpp", "servers.hpp"}
 
 MAX_FILES_IN_FOLDER = 30
 MAX_LINES_OF_FILE = {"product": 450, "test": 700}

@@ -175,7 +175,7 @@ TEST(GrayObject, APrintedBoxBeforeClutterIsHeld) {
     mm.push_back(1e3 * translation_distance(truth, estimate.world_from_object));
     deg.push_back(57.3 * rotation_angle(truth, estimate.world_from_object));
   }
-  EXPECT_GE(sure, sets - 3);
+  EXPECT_GE(sure, sets - 5) << "an outline settles for 0.1 s";
   EXPECT_GE(local, looks / 2) << "its colors as a whole tell: no test of the others";
   EXPECT_LT(*std::max_element(mm.begin() + 3, mm.end()), 5);
   EXPECT_LT(*std::max_element(deg.begin() + 3, deg.end()), 5);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "observe/track/symmetry/silhouette_comparison.hpp"
+#include "observe/track/silhouettes/silhouette_comparison.hpp"
 
 #include <gtest/gtest.h>
 

@@ -41,6 +41,19 @@ TEST(MergeObservations, EvidenceOfOneModalityIsKept) {
   }
 }
 
+TEST(MergeObservations, MarkersThatAreSeenOutweighAnOutlineThatIsNot) {
+  for (const bool first : {true, false}) {
+    std::vector<Observation> all = {observation_of(0, {}), observation_of(0, {})};
+    Observation& by_markers = all[first ? 0 : 1];
+    by_markers.terms.push_back(std::make_shared<const FrozenTerm>(Rigid3(), LinearizedTerm()));
+    all[first ? 1 : 0].picture = PictureAgreement{0, 1};
+    merge_observations(0, all);
+    ASSERT_EQ(all.size(), 1u);
+    EXPECT_EQ(all[0].terms.size(), 1u);
+    EXPECT_FALSE(all[0].picture);
+  }
+}
+
 TEST(MergeObservations, CostsOfCorrespondingPosesAddUp) {
   // The modalities name the same poses, in another order and not quite where the other has them.
   Vector6 off;

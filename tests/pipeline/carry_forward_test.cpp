@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 
+#include "sightline/fuse/estimator.hpp"
 #include "sightline/observe/detect/object_detector.hpp"
 #include "support/scene_rig.hpp"
 #include "support/scene_shapes.hpp"
@@ -164,6 +166,40 @@ TEST_F(CarryForward, WhatMovesWhileItIsSearchedForIsFoundWhereItIsNow) {
       << "in longer steps than from frame to frame";
   EXPECT_LT(translation_distance(found_.poses[0].world_from_object, rig_.truth(last)), 0.008);
   EXPECT_LT(rotation_angle(found_.poses[0].world_from_object, rig_.truth(last)), 0.06);
+}
+
+TEST_F(CarryForward, TheWayThereSaysHowItMoves) {
+  ASSERT_EQ(found_.poses.size(), 1u);
+  FrameTrail trail(rig_.cameras().size());
+  trail.open();
+  for (size_t i = 1; i < sets_.size(); ++i) {
+    for (const SceneShot& shot : sets_[i]) {
+      trail.push(CameraId(static_cast<uint32_t>(shot.camera)), *rig_.shoot(shot));
+    }
+  }
+  const CarryOptions options;
+  const auto way = carry_forward(
+      trail, found_.observations, [&](std::span<const FramePtr> frames) { return follow(frames); },
+      [] { return true; });
+  ASSERT_FALSE(way.empty());
+  EXPECT_TRUE(std::is_sorted(way.begin(), way.end(),
+                             [](const auto& a, const auto& b) { return a.capture < b.capture; }));
+  EXPECT_LE(way.back().capture - way.front().capture, options.way);
+  EXPECT_GT(way.back().capture - way.front().capture, 50ms);
+
+  auto with_way = ObjectEstimator::create({}, ObjectId(0)).value();
+  for (const Observation& observation : way) with_way.process({&observation, 1});
+  auto without = ObjectEstimator::create({}, ObjectId(0)).value();
+  for (const Observation& observation : way) {
+    if (observation.capture == way.back().capture) without.process({&observation, 1});
+  }
+  const Time later = way.back().capture + 100ms;
+  const auto error = [&](const ObjectEstimator& estimator) {
+    return translation_distance(estimator.track()->at(later).estimate.world_from_object,
+                                rig_.truth(later));
+  };
+  EXPECT_LT(error(with_way), 0.02);
+  EXPECT_GT(error(without), 0.04) << "then the way need not be handed over";
 }
 
 TEST_F(CarryForward, ThrownAtTheNewestFrameItIsLost) {

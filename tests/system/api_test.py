@@ -152,6 +152,33 @@ class Description(DaemonCase):
         self.assertEqual(daemon.stop(), 0)
 
 
+class Log(DaemonCase):
+    def test_the_newest_messages_with_what_they_are_about(self):
+        daemon = self.start(installation(cameras=("left", "right")) + '[[camera]]\nname = "side"\nsource = "v4l2:/dev/video-of-nobody"\n')
+        client = Client(daemon.http)
+        lines = lambda query="": json.loads(client.get("/api/v1/log" + query)[2])["events"]
+        wait_until(lambda: any(event["text"] == "carton: found" for event in lines()), "the object is found")
+        wait_until(lambda: any(event.get("camera") == "side" for event in lines()), "the camera is missed")
+        gone = next(event for event in lines() if event.get("camera") == "side")
+        self.assertEqual((gone["level"], gone["cause"]), ("warning", "absent"))
+        self.assertIn("video-of-nobody", gone["text"])
+        found = next(event for event in lines() if event["text"] == "carton: found")
+        self.assertEqual((found["level"], found["object"]), ("info", "carton"))
+        numbers = [event["number"] for event in lines()]
+        self.assertEqual(numbers, list(range(1, len(numbers) + 1)))
+        later = [event["number"] for event in lines(f"?after={numbers[2]}")]
+        self.assertEqual(later[:len(numbers) - 3], numbers[3:])
+        self.assertEqual(lines("?after=18446744073709551615"), [])
+        for query in ("?after=-1", "?after=", "?after=1.5", "?after=1&after=2", "?before=1", "?after=18446744073709551616"):
+            self.assertEqual(client.get("/api/v1/log" + query)[0], 400, query)
+        for number in range(120):  # each is a line: refused
+            client.post(f"/api/v1/objects/nobody{number}/forget", {})
+            client.post("/api/v1/reload", {"no": number})
+        kept = lines()
+        self.assertEqual(len(kept), 200)
+        self.assertEqual(kept[-1]["number"] - kept[0]["number"], 199)
+
+
 class Pictures(DaemonCase):
     def test_a_snapshot_is_annotated_or_clean(self):
         daemon = self.start()

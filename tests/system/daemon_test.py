@@ -31,6 +31,24 @@ class Service(DaemonCase):
         names = {read_text(f"{tasks}/{t}/comm").strip() for t in os.listdir(tasks)}
         self.assertLessEqual({"cap:left", "obs:left", "draw:left", "cap:side", "fuse", "rtsp"}, names)
 
+    def test_observation_and_searches_give_way_to_streams(self):
+        daemon = self.start()
+        tasks = f"/proc/{daemon.process.pid}/task"
+
+        def nice():
+            """By the kernel's field 19, behind the name in brackets."""
+            fields = {read_text(f"{tasks}/{t}/comm").strip(): read_text(f"{tasks}/{t}/stat").rsplit(")", 1)[1].split()
+                      for t in os.listdir(tasks)}
+            return {name: int(field[16]) for name, field in fields.items()}
+        own = os.getpriority(os.PRIO_PROCESS, daemon.process.pid)
+        wait_until(lambda: nice().get("points", own) > own, "the threads have run")
+        seen = nice()
+        for name in ("cap:left", "draw:left", "fuse", "rtsp"):
+            self.assertEqual(seen[name], own, name)
+        self.assertLess(own, seen["obs:left"])
+        self.assertLessEqual(seen["obs:left"], seen.get("find", 19))
+        self.assertLess(seen["obs:left"], seen["points"])
+
     def test_a_busy_port_is_named_and_ends_it(self):
         with socket.socket() as taken:
             taken.bind(("127.0.0.1", 0))

@@ -220,6 +220,18 @@ class Room(Recordings):
         self.assertGreater(daemon.metric("sightline_recordings_deleted_bytes_total"), 20_000_000)
         self.assertEqual(daemon.stop(), 0)
 
+    def test_a_log_with_video_is_divided_for_the_quota(self):
+        daemon = self.start(self.text('enabled = true\nkinds = ["poses"]\nposes = "mcap"\nposes_video = true\nsegment = 2\n'
+                                      'quota_gb = 0.004\n'))
+        wait_until(lambda: self.names("-poses"), "it records")
+        folder = os.path.join(self.directory, self.names("-poses")[0])
+        third = os.path.join(folder, "poses-0003.mcap")
+        wait_until(lambda: os.path.exists(third), "there are three files")
+        wait_until(lambda: not os.path.exists(os.path.join(folder, "poses.mcap")), "its oldest goes")
+        self.assertTrue(os.path.exists(third) or os.path.exists(os.path.join(folder, "poses-0004.mcap")))
+        self.assertEqual(len(self.names("-poses")), 1)
+        self.assertEqual(daemon.stop(), 0)
+
     def test_a_missing_folder_is_reported_and_taken_once_it_is_there(self):
         text = self.text('enabled = true\nkinds = ["viewing", "poses"]\n')
         daemon = self.start(text)

@@ -1,16 +1,29 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Viewers that come in crowds and end with a reset: nothing of them stays behind."""
+"""Viewers that come in crowds and end with a reset: nothing of them stays behind. And one that is stopped: nobody else
+loses a frame by it."""
+import json
 import os
+import signal
 import socket
 import struct
+import subprocess
+import sys
 import threading
+import time
 import unittest
 
-from support import WAIT_S, DaemonCase, installation, read_text, wait_until
+from support import ROOT, WAIT_S, DaemonCase, installation, read_text, wait_until
 
 CROWD = 60
 ROUNDS = 3
+ONE_BY_ONE = 300
+WARM = 50          # viewers after which it is looked whether the daemon has all that it needs by itself
+STEADY_KB = 200    # of growth in such a step
+GROWTH_KB = 8000   # of the memory, by the hundreds that are counted: 27 kB each would show
+# For how long a viewer is stopped; for figures 60 (docs/streaming.md).
+STOPPED_S = float(os.environ.get("SIGHTLINE_STOPPED_SECONDS", "0"))
+GOOD_VIEWER = os.path.join(ROOT, "tests", "siege", "viewer.py")
 
 
 class Viewer:
@@ -30,6 +43,10 @@ class Viewer:
             if not byte:
                 return "closed"
             head += byte
+            if head == b"$":  # a picture, before the answer to PLAY
+                size = int.from_bytes(self.sock.recv(3, socket.MSG_WAITALL)[1:], "big")
+                self.sock.recv(size, socket.MSG_WAITALL)
+                head = b""
         for line in head.decode().split("\r\n"):
             key, _, value = line.partition(":")
             if key.lower() == "session":
@@ -102,6 +119,68 @@ class Crowds(DaemonCase):
             self.assertEqual(viewer.play(), ["200"] * 3, f"viewer {number}")
             viewer.sock.close() if number % 2 else viewer.reset()
             wait_until(lambda: daemon.metric("sightline_viewers", camera="left") == 1, "it is gone")
+
+    def watch(self, daemon, camera):
+        """A viewer that keeps the number of every frame; ends when its standard input does."""
+        viewer = subprocess.Popen([sys.executable, GOOD_VIEWER, "--port", str(daemon.rtsp), "--camera", camera],
+                                  stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        self.addCleanup(viewer.wait, timeout=WAIT_S)
+        self.addCleanup(viewer.kill)
+        self.assertEqual(viewer.stdout.readline(), "playing\n")
+        return viewer
+
+    def come_and_go(self, daemon, count):
+        """One after the other, by camera and kind of end in turn."""
+        for number in range(count):
+            viewer = Viewer(daemon.rtsp, ("left", "right")[number % 2])  # streams that stay up
+            self.assertEqual(viewer.play(), ["200"] * 3, f"viewer {number}")
+            viewer.sock.close() if number % 4 < 2 else viewer.reset()
+
+    @staticmethod
+    def taken(daemon):
+        """Descriptors, and memory in kB."""
+        status = read_text(f"/proc/{daemon.process.pid}/status")
+        return len(os.listdir(f"/proc/{daemon.process.pid}/fd")), int(status.split("VmRSS:")[1].split()[0])
+
+    def settle(self, daemon):
+        """In its first seconds the daemon takes what it needs, with viewers or without; what it has then."""
+        for _ in range(50):
+            before = self.taken(daemon)
+            self.come_and_go(daemon, WARM)
+            if self.taken(daemon)[1] <= before[1] + STEADY_KB:
+                break
+        return self.taken(daemon)
+
+    def test_hundreds_come_and_go_and_one_that_is_stopped_costs_nobody_a_frame(self):
+        daemon = self.start(installation().replace("[rtsp]\n", "[rtsp]\nmax_clients = 40\n"))
+        watching = {camera: [self.watch(daemon, camera) for _ in range(2)] for camera in ("left", "right")}
+        warm = self.settle(daemon)
+        self.come_and_go(daemon, ONE_BY_ONE)
+        wait_until(lambda: self.taken(daemon)[0] <= warm[0] + 3, f"descriptors are back at {warm[0]}")
+        last = self.taken(daemon)
+        print(f"{ONE_BY_ONE} viewers came and went: descriptors {warm[0]} then {last[0]}, memory {warm[1]} then {last[1]} kB",
+              file=sys.stderr)
+        self.assertLessEqual(last[1], warm[1] + GROWTH_KB)
+        stopped = daemon.pull("left", frames=100000)
+        self.addCleanup(stopped.wait, timeout=WAIT_S)
+        self.addCleanup(stopped.kill)
+        wait_until(lambda: daemon.metric("sightline_viewers", camera="left") == 3, "all watch")
+        stopped.send_signal(signal.SIGSTOP)
+        since = time.monotonic()
+        self.come_and_go(daemon, 100)
+        while time.monotonic() < since + STOPPED_S:
+            self.come_and_go(daemon, WARM)
+        print(f"one was stopped for {time.monotonic() - since:.0f} s", file=sys.stderr)
+        for camera, viewers in watching.items():
+            seen = [json.loads(viewer.communicate("", timeout=WAIT_S)[0]) for viewer in viewers]
+            frames = [{(epoch, sequence) for _, epoch, sequence, _ in one["frames"]} for one in seen]
+            self.assertEqual([(one["problem"], one["packets_lost"]) for one in seen], [("", 0)] * 2, camera)
+            # A busy machine may leave out frames before they are encoded, for all alike: what one got, the other did, too.
+            first, end = max(map(min, frames)), min(map(max, frames))
+            one, other = ({frame for frame in own if first <= frame <= end} for own in frames)
+            print(f"{camera}: {len(one)} and {len(other)} frames, {len(one ^ other)} by one of the two only", file=sys.stderr)
+            self.assertGreater(len(one), 100)
+            self.assertEqual(one ^ other, set(), camera)
 
 
 if __name__ == "__main__":

@@ -20,14 +20,20 @@ struct ProjectionSigma {
   int columns = 0, rows = 0;   ///< of the grid, evenly over the image
   std::vector<double> values;  ///< row by row; NaN where the lens shows nothing
   double center = 0;
-  double worst = 0;  ///< of the grid
+  double edge = 0;      ///< median of the grid's outermost cells
+  double worst = 0;     ///< of the grid
+  double distance = 0;  ///< of the point [m]
 };
 
 /// How two calibrations, each from half of the sets, differ.
 struct SplitHalf {
   double center_mm = 0, rotation_deg = 0;  ///< of the camera, relative to the reference camera
   double median_px = 0, worst_px = 0;      ///< of the projection of the target's corners
-  double median_mm = 0;                    ///< the same at the corner's distance
+  double median_mm = 0, worst_mm = 0;      ///< the same at the corner's distance
+  /// The same all over the image, at the median distance of the corners: a grid, row by row; NaN
+  /// where one of the two shows nothing.
+  int columns = 0, rows = 0;
+  std::vector<double> px;
 };
 
 struct CameraReport {
@@ -35,11 +41,13 @@ struct CameraReport {
   double coverage = 0;  ///< share of the image's 10x8 cells with a corner in them
   std::optional<double> held_out_px;
   std::optional<SplitHalf> split_half;
-  std::optional<ProjectionSigma> sigma;  ///< empty: the lens was given
-  double working_distance = 0;           ///< median distance of the target [m]
+  std::optional<ProjectionSigma> sigma;  ///< at the working distance; empty: the lens was given
+  std::optional<ProjectionSigma> sigma_near, sigma_far;  ///< at the nearest and farthest corner
+  double working_distance = 0;                           ///< median distance of the target [m]
   double place_sigma_mm = 0, place_sigma_deg = 0;
-  double tilt_deg = 0;     ///< largest angle between two planes of the target
-  double depth_ratio = 0;  ///< farthest over nearest corner
+  double tilt_deg = 0;               ///< largest angle between two planes of the target
+  double depth_ratio = 0;            ///< farthest over nearest corner
+  double nearest = 0, farthest = 0;  ///< corner [m]
   CalibrationGrade grade = CalibrationGrade::kGood;
   std::vector<std::string> remarks;  ///< sentences: the verdict, and what to do
 };
@@ -60,6 +68,9 @@ struct RigidityReport {
 struct RigReport {
   std::vector<CameraReport> cameras;
   std::vector<LinkReport> links;
+  /// Of the strongest links that together reach every camera, the weakest first (indices of
+  /// `links`): where the rig comes apart first.
+  std::vector<size_t> weakest;
   std::optional<double> held_out_px;  ///< over all cameras
   std::optional<RigidityReport> rigidity;
   CalibrationGrade grade = CalibrationGrade::kGood;  ///< the worst camera's

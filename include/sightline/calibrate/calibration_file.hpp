@@ -27,7 +27,9 @@ namespace sightline {
 ///     rms_px = 0.37                      # optional, of the calibration
 ///     time_offset_s = 0.012              # optional: images are taken later than stamped
 ///     date = 2024-05-31                  # optional, TOML date, date-time or text; not kept
-///     [camera.sigmas]                    # optional, checked but not kept: fx, fy, cx, cy,
+///     [camera.axes]                      # of a camera that turns, instead of a pose:
+///     docs/turning.md [camera.sigmas]                    # optional, checked but not kept: fx, fy,
+///     cx, cy,
 ///                                        # distortion, rotation [rad], translation [m]
 ///     fx = 0.4
 ///

@@ -4,11 +4,13 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
 #include "sightline/base/ids.hpp"
 #include "sightline/base/time.hpp"
+#include "sightline/calibrate/scene_watch.hpp"
 #include "sightline/model/observation.hpp"
 #include "sightline/model/pose_track.hpp"
 #include "sightline/model/shape_symmetry.hpp"
@@ -22,10 +24,11 @@ enum class CalibrationState : uint8_t {
   kKnocked,   ///< it stands elsewhere since a moment (or since the start)
   kDrifting,  ///< it has been moving away slowly (temperature, a mount that gives)
   kDisputed,  ///< it and another contradict each other, and nobody tells which is wrong
+  kUnfit,     ///< its image is not of what it has always seen: another camera, or another lens
 };
-/// "unknown", "in_order", "knocked", "drifting", "disputed".
+/// "unknown", "in_order", "knocked", "drifting", "disputed", "unfit".
 std::string_view to_string(CalibrationState state);
-/// Whether the calibration in force is known to be wrong.
+/// Whether the camera is known to stand elsewhere than its calibration says.
 constexpr bool is_wrong(CalibrationState state) {
   return state == CalibrationState::kKnocked || state == CalibrationState::kDrifting;
 }
@@ -63,12 +66,20 @@ struct CameraWatch {
   /// the correction is as good there as a look.
   double look_ratio = 0;
   double compared_s = 0;  ///< time in which it could be compared with others [s]
+  bool by_scene = false;  ///< what stands still around it says so, too, or alone
+  int patches = 0;        ///< of the room, found at the newest look
+  Time looked{};          ///< that look; there is none while nothing of the room can be told
+  double zoom = 1;        ///< of kUnfit: the image is so many times as large as it was; 1: not that
+  std::string looks_like{};  ///< of kUnfit: the camera whose image it is; empty: not known
+  /// Its room looks another, as those of most cameras do since then: the light? It says nothing.
+  bool light_changed = false;
 };
 
 /// Watches over the places of a rig's cameras while it runs. Of every look of a camera at a tracked
 /// object the others say where the object is; what the camera measures instead is what its own
 /// place is off. These small corrections of six numbers are added up in information form over
-/// minutes, and a step in them is told from a ramp. docs/calibration.md has the equations.
+/// minutes, and a step in them is told from a ramp. What stands still around a camera says the
+/// same of it alone, object or not. docs/calibration.md has the equations.
 ///
 /// Passive: no threads, no clock; same calls, same result. Not thread-safe. After the first minute
 /// of each object nothing allocates.
@@ -87,6 +98,9 @@ class CalibrationWatch {
   /// linearizations of its terms in every round, otherwise nothing. True if the verdict on any
   /// camera is new: once in a bucket.
   bool add(const Observation& observation, const PoseTrack& track);
+
+  /// One camera's look at what stands still around it. True if the verdict on any camera is new.
+  bool add(const SceneLook& look);
 
   /// By CameraId; those that are not watched stay unknown.
   std::span<const CameraWatch> cameras() const;

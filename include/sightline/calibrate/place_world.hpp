@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -41,5 +42,36 @@ Result<WorldPlacement> world_of_target(const CalibrationViews& views,
 /// unknown cameras, a scale that is off by more than 2 % (units, or a wrong target size).
 Result<WorldPlacement> world_of_points(const std::vector<SurveyedSight>& sights,
                                        const std::vector<CalibratedCamera>& cameras);
+
+/// An axis of the world, and which way along it.
+struct WorldAxis {
+  int index = 0;  ///< 0 x, 1 y, 2 z
+  int sign = 1;   ///< -1: against it
+};
+/// "x", "-x", "y", ...
+Result<WorldAxis> parse_world_axis(std::string_view text);
+
+struct MotionPlacement {
+  std::vector<CalibratedCamera> cameras;  ///< the same rig in the new world
+  size_t places = 0;                      ///< of the target, one a set
+  double travel = 0;                      ///< from one end to the other [m]
+  double rms_mm = 0;                      ///< beside the line
+  double sigma_deg = 0;                   ///< of the direction
+  double up_turned_deg = 0;               ///< angle from the world's z of before to that of now
+};
+
+/// The world turned about its origin, so that a target that was moved along a straight line, in the
+/// order of the sets, moved along `axis`. For x and y the world's z stays as near to what it was
+/// as it can; for z its x does. The middle of the target counts: triangulated where two cameras
+/// have six corners in common, otherwise by the camera that sees most corners. `length`: how far it
+/// was moved, if that was measured [m]; it checks the scale.
+///
+/// Refused: fewer than five places; a way of less than 50 mm, or too short for the noise (0.5
+/// degrees); a curved or crooked one (0.5 % of the way off, and beyond the noise; 2 % RMS); back
+/// and forth; x or y within 20 degrees of the world's z; z with the cameras upside down; a length
+/// that is off by more than 2 %.
+Result<MotionPlacement> world_of_motion(const CalibrationViews& views,
+                                        const std::vector<CalibratedCamera>& cameras,
+                                        WorldAxis axis, std::optional<double> length);
 
 }  // namespace sightline

@@ -6,9 +6,11 @@
 #include <string>
 
 #include "sightline/capture/aravis/aravis_source.hpp"
+#include "sightline/capture/axes/axis_source.hpp"
 #include "sightline/capture/libcamera/libcamera_source.hpp"
 #include "sightline/capture/network/network_source.hpp"
 #include "sightline/capture/v4l2/v4l2_source.hpp"
+#include "sightline/config/follow_config.hpp"
 #include "sightline/geometry/camera_model.hpp"
 #include "sightline/render/overlay/overlay_style.hpp"
 
@@ -22,7 +24,12 @@ struct TablePlace {
   bool operator==(const TablePlace&) const { return true; }
 };
 
-enum class CameraRole : uint8_t { kObserveAndStream, kStream, kObserve };
+enum class CameraRole : uint8_t {
+  kObserveAndStream,
+  kStream,
+  kObserve,
+  kFollow,  ///< observes and streams, and its head turns after objects
+};
 constexpr bool observes(CameraRole role) { return role != CameraRole::kStream; }
 constexpr bool streams(CameraRole role) { return role != CameraRole::kObserve; }
 
@@ -38,9 +45,12 @@ struct CameraConfig {
   AravisOptions aravis{};    ///< ... but for the epoch
   V4l2Options v4l2{};
   LibcameraOptions libcamera{};
+  AxisSourceOptions axes{};         ///< who tells the angles of a camera that turns
+  FollowConfig follow{};            ///< of role kFollow
   std::filesystem::path recording;  ///< folder of the recording that is played ("replay:...")
   std::string recorded_as;          ///< name of the camera in it
   bool loop = true;                 ///< play it again and again
+  bool in_step = false;             ///< with the other hosts that play it, by their clocks
   double rate_hz = 0;               ///< nominal, for the encoder; 0: what the source says
   CameraRole role = CameraRole::kObserveAndStream;
   double gamma = 0;              ///< FiducialOptions::gamma of this camera; 0: that of [fiducial]
@@ -54,6 +64,9 @@ struct CameraConfig {
 
   bool operator==(const CameraConfig&) const = default;
 };
+
+/// Of a camera's lens and place: hosts that use it must agree.
+uint64_t camera_hash(const CalibratedCamera& camera);
 
 /// The same depth image, read the same way.
 inline bool same_scene_depth(const CameraConfig& a, const CameraConfig& b) {

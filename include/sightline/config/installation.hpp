@@ -24,7 +24,7 @@
 #include "sightline/observe/fiducial/fiducial_observer.hpp"
 #include "sightline/observe/scene/background_model.hpp"
 #include "sightline/observe/track/object_tracker.hpp"
-#include "sightline/publish/mqtt.hpp"
+#include "sightline/publish/cell/cell_options.hpp"
 #include "sightline/render/overlay/camera_renderer.hpp"
 #include "sightline/render/overlay/overlay_style.hpp"
 #include "sightline/render/overlay/virtual_camera.hpp"
@@ -133,6 +133,7 @@ struct Installation {
   RecordConfig record;
   std::vector<ZoneConfig> zones;
   MqttOptions mqtt;
+  CellOptions cell;
   ActionConfig action;
   WatchConfig watch;
   DaemonConfig daemon;
@@ -196,7 +197,7 @@ struct InstallationChanges {
   std::vector<std::string> cameras_changed;   ///< anything but the overlay
   std::vector<std::string> cameras_restyled;  ///< only the overlay
   std::vector<std::string> objects_added, objects_removed, objects_changed;
-  bool name = false;
+  bool name = false, zones = false, cell = false;
   bool scene_depth = false;  ///< of a camera that stays; it is one of cameras_changed
   bool calibration = false;  ///< another file; what it says is the cameras'
   bool views = false;        ///< any of the virtual cameras
@@ -204,9 +205,8 @@ struct InstallationChanges {
   bool object_ids = false;
   bool surfaces = false;  ///< textures of the meshes, or their creases
   bool observe = false;   ///< options of markers, search, tracking or points
-  bool scene = false, render = false, estimator = false, action = false;
+  bool scene = false, render = false, estimator = false, action = false, watch = false;
   bool rtsp = false, encoder = false, http = false, record = false, mqtt = false, daemon = false;
-  bool watch = false, zones = false;
 
   bool operator==(const InstallationChanges&) const = default;
 

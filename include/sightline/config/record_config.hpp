@@ -20,6 +20,7 @@ struct RecordConfig {
   RawStorage raw_storage = RawStorage::kRaw;
   ViewingOptions viewing;
   PoseFiles pose_files = PoseFiles::kCsv;
+  bool pose_video = false;  ///< the streams' packets in poses.mcap, too
   /// What begins when an object is lost, from so long before to so long after it.
   std::vector<RecordingKind> on_lost;
   Duration before = std::chrono::seconds(5), after = std::chrono::seconds(20);

@@ -96,6 +96,12 @@ struct RecordingOrder {
   std::optional<double> seconds{};  ///< then it ends by itself
 };
 
+/// Where a head is to turn, and for how long it stands there.
+struct TurnOrder {
+  std::optional<Eigen::Vector2d> pan_tilt{};  ///< [rad]; empty: it stops where it is
+  std::optional<double> seconds{};            ///< empty: as configured
+};
+
 /// How objects are to be drawn from now on.
 struct OverlayRequest {
   std::string camera;  ///< or virtual camera; empty: all
@@ -116,6 +122,7 @@ struct HttpContent {
   std::function<Health()> health;           ///< for /healthz; empty: always healthy
   std::function<std::string()> state_json;  ///< for /api/state and /api/v1/state; empty: "{}"
   std::function<Health()> ready{};          ///< for /readyz; empty: always ready
+  std::function<HttpReply()> home{};        ///< for /; empty: the page of the daemon
 
   std::function<std::string()> version_json{}, cameras_json{}, objects_json{}, poses_json{};
   /// One of them by name; nullopt: there is none of that name.
@@ -123,6 +130,8 @@ struct HttpContent {
 
   std::function<Status(const std::string& object, const HintRequest&)> hint{};
   std::function<Status(const std::string& object)> forget{};
+  std::function<Status(const std::string& camera, const TurnOrder&)> turn{};
+  std::function<Status(const std::string& camera)> follow{};
   std::function<Status()> reload{};  ///< asks for one; how it went is in the state
 
   std::function<std::string()> overlay_json{};

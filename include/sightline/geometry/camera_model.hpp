@@ -7,6 +7,7 @@
 #include <string>
 
 #include "sightline/base/result.hpp"
+#include "sightline/geometry/camera_axes.hpp"
 #include "sightline/geometry/rigid3.hpp"
 
 namespace sightline {
@@ -77,6 +78,9 @@ struct CalibratedCamera {
   double rms_px = 0.5;  ///< of its calibration; floor for measurement noise
   /// Its images are taken so much later than their stamps say [s].
   double time_offset_s = 0;
+  /// How it turns; its frames say where it stood (FrameInfo::place), and world_from_camera is where
+  /// it stands at angles of zero. Empty: it stands still.
+  std::optional<CameraAxes> axes = {};
 
   bool operator==(const CalibratedCamera&) const = default;
 };

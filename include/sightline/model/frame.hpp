@@ -9,6 +9,7 @@
 
 #include "sightline/base/ids.hpp"
 #include "sightline/base/time.hpp"
+#include "sightline/geometry/axis_history.hpp"
 #include "sightline/image/image.hpp"
 #include "sightline/image/planes.hpp"
 
@@ -35,6 +36,7 @@ struct FrameInfo {
   PixelFormat format = PixelFormat::kI420;  ///< of the payload
   int width = 0;
   int height = 0;
+  CameraPlacePtr place = nullptr;  ///< of a camera that turns; null: it stands still
 };
 
 /// The camera's own bytes: driver buffer, heap or compressed packet. `owner` keeps them alive and
@@ -67,6 +69,8 @@ class Frame {
 
   /// The same frame, taken so much later: before anybody else has it.
   static FramePtr with_time_offset(const FramePtr& frame, Duration time_offset);
+  /// The same frame, taken from there: before anybody else has it.
+  static FramePtr with_place(const FramePtr& frame, CameraPlacePtr place);
 
   Frame(Key, const FrameInfo& info, FramePayload payload, std::shared_ptr<ImagePool> pool,
         std::shared_ptr<const Image> image);

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "sightline/base/ids.hpp"
@@ -15,6 +16,13 @@ namespace sightline {
 struct PoseHypothesis {
   Rigid3 world_from_object;
   double cost = 0;  ///< of the observation's terms at it (see LinearizedTerm)
+};
+
+/// How well an image agrees with the whole silhouette of an object at its pose: shares of the
+/// silhouette's area.
+struct PictureAgreement {
+  float unexplained = 0;  ///< of the object's colors, touches it, and nothing known explains it
+  float missing = 0;      ///< of the colors around it, well inside: largest coherent part
 };
 
 /// What one camera's frame says of one object: the product of observe, the input of fuse. Never a
@@ -34,11 +42,14 @@ struct Observation {
   /// apart: a cost (-log likelihood, up to a constant of the list) for each. Empty: nothing. Says
   /// nothing else of the pose.
   std::vector<PoseHypothesis> symmetric_hypotheses;
+  /// Looked at now and then. Empty: not now, or the image does not tell.
+  std::optional<PictureAgreement> picture{};
   /// Its hypotheses were compared with the pose in force and explain the images better: if that is
   /// another pose, it is given up and the object starts anew from them.
   bool refutes = false;
-  /// What a calibration that is known to be wrong adds to the covariance of the terms: of a tangent
-  /// on the left of world_from_object (world axes) [rad, m]. Null: nothing.
+  /// What is not known of where the camera stands adds to the covariance of the terms: a
+  /// calibration that is known to be wrong, the angles of a camera that turns. Of a tangent on the
+  /// left of world_from_object (world axes) [rad, m]. Null: nothing.
   std::shared_ptr<const Matrix6> calibration_covariance{};
 };
 

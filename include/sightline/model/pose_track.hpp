@@ -37,7 +37,8 @@ enum DegradedReason : DegradedReasons {
   kWeakPosition = 8,   ///< not known well enough in a direction: weak_direction()
   kWeakRotation = 16,  ///< or about an axis
   kOneCamera = 32,     ///< one camera alone sees it, and that counts as weak
-  kContradicted = 64   ///< by the cameras of this set, as many others as hold it, or a check
+  kContradicted = 64,  ///< by the cameras of this set, as many others as hold it, or a check
+  kUnexplained = 128   ///< the images show more of the object than the pose, or less
 };
 /// "ambiguous", "weak_position", ... in a fixed order, `separator` between them; "" for none.
 std::string to_string(DegradedReasons degraded_reasons, std::string_view separator);
@@ -111,6 +112,7 @@ class PoseTrack {
   /// Oldest first, strictly growing times.
   const std::vector<PoseEstimate>& history() const { return history_; }
   bool empty() const { return history_.empty(); }
+  const MotionNoise& noise() const { return noise_; }
   const PoseEstimate& newest() const { return history_.back(); }
 
   /// The pose at `time`: interpolated inside the history, predicted after its end, kNone where

@@ -14,12 +14,18 @@
 
 namespace sightline {
 
-/// The watch over an installation's cameras; null where it is off, or fewer than two observe.
+/// The watch over an installation's cameras; null where it is off, or fewer than two observe (one,
+/// if it is watched by its background).
 std::unique_ptr<CalibrationWatch> make_calibration_watch(const Installation& installation,
                                                          const Rig& rig);
 
 /// By CameraId, the calibrated places of those that observe.
 std::vector<std::optional<Rigid3>> watched_places(const Installation& installation);
+
+/// Of a camera that is CalibrationState::kUnfit: "its picture does not fit its calibration: left
+/// and right look exchanged". `names`, `watches` by CameraId.
+std::string unfit_words(std::span<const std::string> names, std::span<const CameraWatch> watches,
+                        size_t camera);
 
 /// "turned 0.31 deg +- 0.02, shifted 2.1 mm +- 0.3", one sigma of the largest direction.
 std::string correction_words(const CameraWatch& watch);

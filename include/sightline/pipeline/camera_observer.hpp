@@ -10,15 +10,21 @@
 
 namespace sightline {
 
+namespace pipeline {
+class TurningView;
+}
+
 /// Everything that looks at one camera's frames: fiducials and the object's own look, one
 /// Observation per object. One thread at a time.
 class CameraObserver {
  public:
   static Result<std::unique_ptr<CameraObserver>> create(const Installation& installation,
                                                         const Rig& rig, CameraId camera);
+  ~CameraObserver();
 
   /// Looks at a frame with the newest tracks and appends one Observation per object that has any
-  /// modality at all.
+  /// modality at all. Of a camera that turns, what it says is what the camera would say at the
+  /// frame's place; where that is not known it says nothing.
   void step(const Frame& frame, std::span<const PoseTrackPtr> tracks,
             std::vector<Observation>& out);
 
@@ -27,11 +33,12 @@ class CameraObserver {
 
  private:
   CameraObserver(std::unique_ptr<FiducialObserver> fiducials,
-                 std::unique_ptr<ObjectTracker> tracker)
-      : fiducials_(std::move(fiducials)), tracker_(std::move(tracker)) {}
+                 std::unique_ptr<ObjectTracker> tracker,
+                 std::unique_ptr<pipeline::TurningView> turning);
 
   std::unique_ptr<FiducialObserver> fiducials_;
   std::unique_ptr<ObjectTracker> tracker_;
+  std::unique_ptr<pipeline::TurningView> turning_;  // null: the camera stands still
 };
 
 /// Puts the terms and poses of observations of one object, camera and frame into one, from index

@@ -22,6 +22,9 @@ struct CarryOptions {
   int max_misses = 2;
   /// So far behind the newest frame the trackers take over.
   Duration close_enough = std::chrono::milliseconds(60);
+  /// What was found on the way so long before the end is handed over, too: it says how the object
+  /// moves. Less than EstimatorOptions::ring.
+  Duration way = std::chrono::milliseconds(230);
 };
 
 /// Follows what was found into these frames, one of a camera at most; empty: it is not there.
@@ -33,7 +36,8 @@ constexpr Duration kMaxCarry = std::chrono::seconds(5);
 /// Carries what a search has found, some tenths of a second ago, through the frames that came
 /// meanwhile to now: the object is followed from step to step, because in the newest frame it may
 /// be anywhere. Ends when the trail has no newer frame, when nothing is found any more (then the
-/// result is empty), or when `go_on` says no.
+/// result is empty), or when `go_on` says no. Returns where it was at last and on the way there, by
+/// time of capture.
 std::vector<Observation> carry_forward(FrameTrail& trail, std::vector<Observation> found,
                                        const FollowStep& follow, const std::function<bool()>& go_on,
                                        const CarryOptions& options = {});
@@ -44,12 +48,12 @@ class CarryForward {
   explicit CarryForward(std::vector<Observation> found, const CarryOptions& options = {});
   /// One call of `follow`; false: the trail has no frame to go on to, or all is lost.
   bool step(FrameTrail& trail, const FollowStep& follow);
-  /// Where it came to; empty: it was not there any more.
+  /// Where it came to, and on which way; empty: it was not there any more.
   std::vector<Observation> take();
 
  private:
   const CarryOptions options_;
-  std::vector<Observation> found_;
+  std::vector<Observation> found_;  ///< of all steps, the newest last
   Time now_{};
   Duration next_;
   int misses_ = 0;

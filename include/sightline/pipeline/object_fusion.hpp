@@ -51,6 +51,8 @@ class ObjectFusion {
  private:
   ObjectFusion() = default;
   void publish(size_t object);
+  /// A camera that turns is not watched: what is not known of its place comes with its frames.
+  bool turns(const Observation& observation) const;
   std::span<const Observation> with_calibration_covariance(std::span<const Observation> set);
 
   EstimatorOptions options_;

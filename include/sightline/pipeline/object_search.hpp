@@ -75,6 +75,9 @@ class ObjectSearch {
     bool doubted = false;
   };
   std::vector<Doubt> doubts() const;
+  /// Objects that have gone out of view since the last call: what comes back is doubted until its
+  /// first check, as if it were new.
+  std::vector<ObjectId> note_unseen(std::span<const PoseTrackPtr> tracks);
   /// What searching and following have done so far.
   SearchWork work() const;
 
@@ -108,11 +111,15 @@ class ObjectSearch {
     bool searched = false;
     Detection found = {};
     std::optional<Told> told = {};
-    bool printed = false;  ///< see RigObject
-    bool refutes = false;  ///< `found` is another orientation than that of the track
-    int checks = 0;        ///< since it was found
-    Time checked{};        ///< last
-    int doubts = 0;        ///< checks in a row that speak against it
+    bool printed = false;       ///< see RigObject
+    bool refutes = false;       ///< `found` is another orientation than that of the track
+    bool found_weakly = false;  ///< what was found last stood out by little
+    int checks = 0;             ///< since it was found, or out of view
+    int passed = 0;             ///< of those in a row in which no other orientation scored more
+    int undoubted = 0;          ///< of those in a row in which none scored clearly more
+    bool proven = false;        ///< so many passed that it may be claimed
+    Time checked{};             ///< last
+    int doubts = 0;             ///< checks in a row that speak against it
     std::optional<Suspicion> suspicion = std::nullopt;
     Time missing_since{};  ///< first of the searches in a row that have not found it
     Duration pause{0};     ///< from `last` to the next search
@@ -134,6 +141,8 @@ class ObjectSearch {
   static bool check_due(const Target& target, Time now, std::span<const PoseTrackPtr> tracks);
   void check(Target& target, Time now, std::span<const PoseTrackPtr> tracks,
              std::vector<Observation>& out);
+  static void begin_proof(Target& target);
+  static void note_passed(Target& target, const OrientationComparison& compared);
   static bool turned(Target& target, const Rigid3& pose, const OrientationComparison& compared);
   static bool differs(const Target& target, const Rigid3& pose, const Detection& found);
   Detection look_where_told(Target& target, Time now);

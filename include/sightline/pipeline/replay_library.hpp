@@ -31,7 +31,7 @@ class ReplayLibrary {
     std::shared_ptr<const Recording> recording;  ///< null: it is being read
     std::shared_ptr<const ReplayClock> clock;
   };
-  Result<Entry> entry(const std::filesystem::path& folder, const std::stop_token& stop);
+  Result<Entry> entry(const CameraConfig& camera, const std::stop_token& stop);
   /// The entry, if it is there or somebody else comes to have read it; null: read it, it is
   /// reserved.
   Result<Entry> entry_or_turn(const std::filesystem::path& folder, const std::stop_token& stop);
@@ -45,5 +45,11 @@ class ReplayLibrary {
 /// For VirtualReplay: by camera of the recording, the offset that its calibration has in the
 /// installation (0: it is not in it).
 std::vector<Duration> time_offsets(const Recording& recording, const Installation& installation);
+
+/// What the angles of a camera are put into; null: it stands still.
+std::shared_ptr<AxisHistory> axis_history_of(const CameraConfig& camera);
+/// The same for the cameras of a recording. Of one that turns and has no angles in the recording
+/// the log has a warning.
+AxisHistories axis_histories(const Recording& recording, const Installation& installation);
 
 }  // namespace sightline

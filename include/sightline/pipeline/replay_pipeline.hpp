@@ -101,6 +101,7 @@ class ReplayPipeline {
   PoseLogWriter* log_ = nullptr;
   std::filesystem::path png_folder_;
   std::vector<CalibrationState> verdicts_;     // by CameraId, as the log has them
+  std::vector<std::string> unfit_;             // by CameraId, what it was told last
   std::unique_ptr<PointCollector> collector_;  // null: no points wanted
   std::filesystem::path points_file_;
   std::vector<PointMark> marks_;

@@ -19,11 +19,14 @@ Result<std::unique_ptr<FiducialObserver>> make_observer(const Installation& inst
 
 /// What of the static scene this camera sees, for observe; empty without a scene.
 SceneDepth make_scene_depth(const Rig& rig, CameraId camera);
+/// The same of this depth, which may be drawn anew in place.
+SceneDepth make_scene_depth(const std::shared_ptr<const StaticDepth>& depth);
 
 Result<std::unique_ptr<CameraRenderer>> make_renderer(const Installation& installation,
                                                       const Rig& rig, CameraId camera);
 
-/// What learns the hidden parts of this camera's image; null unless [scene] says so.
+/// What learns the hidden parts of this camera's image; null unless [scene] says so, and for a
+/// camera that turns.
 Result<std::unique_ptr<OcclusionLearner>> make_learner(const Installation& installation,
                                                        const Rig& rig, CameraId camera);
 

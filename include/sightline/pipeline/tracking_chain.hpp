@@ -10,6 +10,7 @@
 #include "sightline/pipeline/camera_observer.hpp"
 #include "sightline/pipeline/object_fusion.hpp"
 #include "sightline/pipeline/object_search.hpp"
+#include "sightline/pipeline/room_watch.hpp"
 #include "sightline/pipeline/timed_search.hpp"
 
 namespace sightline {
@@ -47,6 +48,8 @@ class TrackingChain {
   std::vector<Observation>& set() { return set_; }
   const std::vector<PoseTrackPtr>& tracks() const { return fusion_->tracks(); }
   const ObjectFusion& fusion() const { return *fusion_; }
+  /// fusion().has_verdict(), or one by what stands still around a camera, of this set.
+  bool has_verdict() const { return room_verdict_ || fusion_->has_verdict(); }
   /// Null: the camera does not observe.
   CameraObserver* observer(CameraId camera) { return observers_.at(camera.index()).get(); }
   bool found() const { return found_; }  ///< the newest instant search found something
@@ -63,9 +66,10 @@ class TrackingChain {
   std::vector<std::unique_ptr<CameraObserver>> observers_;  // by CameraId; null: does not observe
   std::unique_ptr<ObjectSearch> search_;                    // null: nothing to search for
   std::unique_ptr<TimedSearch> timed_;                      // of that; null: it takes no time
+  std::vector<std::unique_ptr<RoomWatch>> rooms_;           // by CameraId; null: is not watched
   std::unique_ptr<ObjectFusion> fusion_;
   std::vector<Observation> set_;
-  bool found_ = false;
+  bool found_ = false, room_verdict_ = false;
 };
 
 }  // namespace sightline

@@ -12,6 +12,7 @@
 
 #include "sightline/base/result.hpp"
 #include "sightline/base/time.hpp"
+#include "sightline/geometry/axis_history.hpp"
 #include "sightline/image/planes.hpp"
 #include "sightline/record/recorded_rows.hpp"
 
@@ -29,6 +30,7 @@ struct RecordedCamera {
   /// Capture order; row n belongs to the n-th displayed image of `file`. Both counts agree after
   /// open_recording(): a tail that only one of the two has is cut off (with a warning).
   RecordedRows rows;
+  std::vector<AxisReading> axes = {};  ///< of axes.csv; empty: it stands still, or nobody knows
 
   /// Median time between rows; 0 with fewer than two rows.
   Duration frame_period() const;

@@ -56,7 +56,7 @@ class RecordingSink {
 };
 
 struct ViewingOptions {
-  /// A camera goes on in another file at the first key frame after one of these.
+  /// What holds video goes on in another file at the first key frame after one of these.
   Duration segment = std::chrono::minutes(10);
   uint64_t segment_bytes = uint64_t{1} << 30;
 
@@ -72,9 +72,12 @@ Result<std::unique_ptr<RecordingSink>> make_viewing_writer(const std::filesystem
 
 enum class PoseFiles : uint8_t { kCsv, kMcap, kBoth };
 
-/// poses.csv (pose_log.hpp), poses.mcap (docs/formats.md), or both.
+/// poses.csv (pose_log.hpp), poses.mcap (docs/formats.md), or both. The streams' packets go into
+/// poses.mcap, if there is one. It goes on in poses-0002.mcap, ...: with video as `parts` says,
+/// which every camera enters with a key frame; without video after so many bytes.
 Result<std::unique_ptr<RecordingSink>> make_poses_writer(const std::filesystem::path& folder,
-                                                         PoseFiles files);
+                                                         PoseFiles files,
+                                                         const ViewingOptions& parts = {});
 
 /// A moment that somebody wants to find again.
 struct RecordingMark {

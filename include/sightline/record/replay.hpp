@@ -13,15 +13,21 @@
 
 namespace sightline {
 
+/// By camera; null: it stands still.
+using AxisHistories = std::vector<std::shared_ptr<AxisHistory>>;
+
 /// Plays a recording as fast as it is asked, on its own clock: frames wear the capture and arrival
 /// times of frames.csv, nothing is dropped, and every run gives the same frames in the same order.
 /// CameraId is the index in Recording::cameras; epoch is 0. One thread at a time.
 class VirtualReplay {
  public:
   /// `time_offsets`: by camera, added to the capture times (none: 0); the order goes by the sums.
+  /// `axes`: by camera, of those that turn: the recorded angles are put into them as time passes,
+  /// and each frame says where its camera stood (null, none: the camera stands still).
   static Result<std::unique_ptr<VirtualReplay>> open(std::shared_ptr<const Recording> recording,
                                                      const VideoReaderOptions& options = {},
-                                                     std::vector<Duration> time_offsets = {});
+                                                     std::vector<Duration> time_offsets = {},
+                                                     AxisHistories axes = {});
   virtual ~VirtualReplay() = default;
 
   /// All frames of the next capture time, ordered by camera index; nullopt at the end. Sets come in
@@ -55,6 +61,10 @@ struct PacedReplayOptions {
   /// A frame that cannot be delivered within this time of its arrival is dropped and counted.
   Duration max_late = std::chrono::milliseconds(250);
   bool payload = false;
+  /// Of a camera that turns, as of VirtualReplay::open(), and its time offset, which counts for the
+  /// angles only: frames keep their stamps.
+  std::shared_ptr<AxisHistory> axes = nullptr;
+  Duration time_offset{0};
 };
 
 /// One camera of a recording in real time: next() returns a frame when its mapped arrival time has

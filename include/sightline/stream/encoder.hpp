@@ -35,8 +35,9 @@ int default_bitrate_kbps(int width, int height);
 /// OpenH264.
 std::span<const std::string> known_h264_encoders();
 
-/// True if the element exists and encoded one small image within a few seconds. Asked once per
-/// process and element, then remembered; any thread.
+/// True if the element exists and has encoded one small image. Asked once per process and element,
+/// for a few seconds, then remembered. One that gave no answer in this time is no longer waited
+/// for, but used once it has answered; any thread.
 bool h264_encoder_works(const std::string& element);
 
 struct EncoderCounts {

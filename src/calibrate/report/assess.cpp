@@ -6,6 +6,7 @@
 #include <limits>
 #include <map>
 #include <numbers>
+#include <numeric>
 #include <set>
 
 #include "calibrate/report/projection_sigma.hpp"
@@ -57,6 +58,8 @@ void describe_views(const CalibrationViews& views, const RigSolution& solution, 
   out.working_distance = distances[distances.size() / 2];
   out.coverage = static_cast<double>(cells.size()) / (kColumns * kRows);
   out.depth_ratio = farthest / nearest;
+  out.nearest = nearest;
+  out.farthest = farthest;
   double least = 1;
   for (const auto& a : normals) {
     for (const auto& b : normals) least = std::min(least, a.dot(b));
@@ -81,6 +84,23 @@ std::vector<LinkReport> find_links(const CalibrationViews& views, const RigSolut
   std::vector<LinkReport> links;
   for (const auto& [pair, sets] : shared) links.push_back({pair.first, pair.second, sets});
   return links;
+}
+
+/// The strongest tree of links (Kruskal, 1956), its weakest first.
+std::vector<size_t> find_weakest(const std::vector<LinkReport>& links, size_t cameras) {
+  std::vector<size_t> order(links.size()), group(cameras), tree;
+  std::iota(order.begin(), order.end(), size_t{0});
+  std::iota(group.begin(), group.end(), size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](size_t x, size_t y) { return links[x].sets > links[y].sets; });
+  for (const size_t i : order) {
+    const size_t a = group[links[i].a], b = group[links[i].b];
+    if (a == b) continue;
+    std::replace(group.begin(), group.end(), b, a);
+    tree.push_back(i);
+  }
+  std::reverse(tree.begin(), tree.end());
+  return tree;
 }
 
 /// What one camera's figures mean, and what to do about them.
@@ -191,6 +211,8 @@ Result<RigReport> assess_rig(const CalibrationViews& views, const SolveOptions& 
     camera.name = views.cameras[c].name;
     describe_views(views, solution, c, camera);
     camera.sigma = projection_sigma(views, rig, solution, c, camera.working_distance);
+    camera.sigma_near = projection_sigma(views, rig, solution, c, camera.nearest);
+    camera.sigma_far = projection_sigma(views, rig, solution, c, camera.farthest);
     const Matrix6 place = solved.place_covariance();
     camera.place_sigma_deg = std::sqrt(place.diagonal().head<3>().maxCoeff()) * kDegrees;
     camera.place_sigma_mm = 1e3 * std::sqrt(place.diagonal().tail<3>().maxCoeff());
@@ -199,6 +221,7 @@ Result<RigReport> assess_rig(const CalibrationViews& views, const SolveOptions& 
     out.cameras.push_back(std::move(camera));
   }
   out.links = find_links(views, solution);
+  out.weakest = find_weakest(out.links, views.cameras.size());
   CalibrationViews used = views;
   for (size_t v = 0; v < used.views.size(); ++v) {
     std::vector<TargetCorner> corners;

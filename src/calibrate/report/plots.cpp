@@ -39,6 +39,27 @@ std::string shade(double share) {
   return fmt::format("rgb({:.0f},{:.0f},{:.0f})", 247 - 217 * s, 251 - 174 * s, 255 - 104 * s);
 }
 
+/// Values all over the image, white to dark blue, the largest darkest; gray where there is none.
+std::string grid_plot(const std::string& title, int columns, int rows,
+                      const std::vector<double>& values, double height, const std::string& text) {
+  double top = 1e-6;
+  for (const double value : values) top = std::isfinite(value) ? std::max(top, value) : top;
+  std::string svg = open_svg(kWidth, height, title);
+  const double dx = kWidth / columns, dy = height / rows;
+  for (int row = 0; row < rows; ++row) {
+    for (int column = 0; column < columns; ++column) {
+      const double value = values[static_cast<size_t>(row * columns + column)];
+      const bool shown = std::isfinite(value);
+      svg += fmt::format(
+          "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.2f}\" height=\"{:.2f}\" fill=\"{}\">"
+          "<title>{}</title></rect>",
+          column * dx, row * dy, dx + 0.2, dy + 0.2, shown ? shade(std::sqrt(value / top)) : "#ddd",
+          shown ? fmt::format("{:.3f} px", value) : "the lens shows nothing here");
+    }
+  }
+  return svg + frame(kWidth, height) + note(0, height + 14, text) + "</svg>";
+}
+
 }  // namespace
 
 std::string html_text(const std::string& text) {
@@ -104,8 +125,9 @@ std::string residual_field_plot(const PlottedErrors& data) {
   svg += frame(kWidth, height);
   for (size_t i = 0; i < sums.size(); ++i) {
     if (counts[i] == 0) continue;
-    const double x = (static_cast<double>(i % kColumns) + 0.5) * cell;
-    const double y = (static_cast<double>(i / kColumns) + 0.5) * height / kRows;
+    const size_t column = i % kColumns, row = i / kColumns;
+    const double x = (static_cast<double>(column) + 0.5) * cell;
+    const double y = (static_cast<double>(row) + 0.5) * height / kRows;
     const Eigen::Vector2d to = sums[i] / longest * cell * 0.9;
     svg += fmt::format(
         "<path d=\"M{:.1f} {:.1f}l{:.1f} {:.1f}\" stroke=\"{}\" stroke-width=\"1.4\"/>"
@@ -148,29 +170,24 @@ std::string histogram_plot(const PlottedErrors& data) {
 }
 
 std::string sigma_plot(const ProjectionSigma& sigma, int width, int height) {
-  const double page = kWidth * height / width;
-  std::string svg = open_svg(kWidth, page, "One sigma of projection");
-  const double dx = kWidth / sigma.columns, dy = page / sigma.rows;
-  const double top = std::max(1e-6, sigma.worst);
-  for (int row = 0; row < sigma.rows; ++row) {
-    for (int column = 0; column < sigma.columns; ++column) {
-      const double value = sigma.values[static_cast<size_t>(row * sigma.columns + column)];
-      svg += fmt::format(
-          "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.2f}\" height=\"{:.2f}\" fill=\"{}\">"
-          "<title>{:.3f} px</title></rect>",
-          column * dx, row * dy, dx + 0.2, dy + 0.2,
-          std::isfinite(value) ? shade(std::sqrt(value / top)) : "#ddd", value);
-    }
-  }
-  svg += frame(kWidth, page);
-  svg += note(0, page + 14,
-              fmt::format("center {:.3f} px, worst {:.2f} px (dark)", sigma.center, sigma.worst));
-  return svg + "</svg>";
+  return grid_plot("One sigma of projection", sigma.columns, sigma.rows, sigma.values,
+                   kWidth * height / width,
+                   fmt::format("center {:.3f}, edge {:.2f}, worst {:.2f} px (dark)", sigma.center,
+                               sigma.edge, sigma.worst));
+}
+
+std::string half_plot(const SplitHalf& half, int width, int height) {
+  double worst = 0;
+  for (const double px : half.px) worst = std::isfinite(px) ? std::max(worst, px) : worst;
+  return grid_plot("Difference of the halves", half.columns, half.rows, half.px,
+                   kWidth * height / width,
+                   fmt::format("median {:.2f} px where corners were, worst {:.2f} px (dark)",
+                               half.median_px, worst));
 }
 
 std::string link_plot(const std::vector<CameraReport>& cameras,
                       const std::vector<LinkReport>& links) {
-  constexpr double kSize = 360, kMiddle = kSize / 2, kRadius = 130;
+  constexpr double kSize = 340, kMiddle = kSize / 2, kRadius = 140;
   size_t strongest = 1;
   for (const LinkReport& link : links) strongest = std::max(strongest, link.sets);
   const auto at = [&](size_t camera) {
@@ -181,7 +198,7 @@ std::string link_plot(const std::vector<CameraReport>& cameras,
   };
   std::string svg = open_svg(kSize, kSize, "Links: sets in which both saw the target");
   for (const LinkReport& link : links) {
-    const Eigen::Vector2d a = at(link.a), b = at(link.b), middle = a + (b - a) * 0.42;
+    const Eigen::Vector2d a = at(link.a), b = at(link.b), middle = a + (b - a) * 0.32;
     svg += fmt::format(
         "<path d=\"M{:.1f} {:.1f}L{:.1f} {:.1f}\" stroke=\"{}\" stroke-opacity=\"0.55\" "
         "stroke-width=\"{:.1f}\"/>",

@@ -22,6 +22,8 @@ std::string coverage_plot(const PlottedErrors& data);
 std::string residual_field_plot(const PlottedErrors& data);
 std::string histogram_plot(const PlottedErrors& data);
 std::string sigma_plot(const ProjectionSigma& sigma, int width, int height);
+/// Between the two calibrations from half of the sets each, all over the image.
+std::string half_plot(const SplitHalf& half, int width, int height);
 /// Cameras on a circle, a line for each link, as wide as it is strong.
 std::string link_plot(const std::vector<CameraReport>& cameras,
                       const std::vector<LinkReport>& links);

@@ -12,6 +12,13 @@ namespace {
 constexpr int kColumns = 16, kRows = 12;
 constexpr size_t kMaxCorners = 400;
 
+double median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
 /// Derivatives of a projection by what was estimated of the lens, and by a pose.
 struct Slopes {
   Eigen::Matrix<double, 2, Eigen::Dynamic> lens;
@@ -86,15 +93,21 @@ std::optional<ProjectionSigma> projection_sigma(const CalibrationViews& views, c
   ProjectionSigma out;
   out.columns = kColumns;
   out.rows = kRows;
+  out.distance = distance;
+  std::vector<double> edge;
   const double width = model.width() - 1, height = model.height() - 1;
   out.center = sigma_at({width / 2, height / 2});
   for (int row = 0; row < kRows; ++row) {
     for (int column = 0; column < kColumns; ++column) {
       out.values.push_back(
           sigma_at({width * column / (kColumns - 1.0), height * row / (kRows - 1.0)}));
-      if (std::isfinite(out.values.back())) out.worst = std::max(out.worst, out.values.back());
+      if (!std::isfinite(out.values.back())) continue;
+      out.worst = std::max(out.worst, out.values.back());
+      const bool outermost = row == 0 || row == kRows - 1 || column == 0 || column == kColumns - 1;
+      if (outermost) edge.push_back(out.values.back());
     }
   }
+  out.edge = median(std::move(edge));
   return out;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include "calibrate/report/correlations.hpp"
 #include "calibrate/report/plots.hpp"
 #include "sightline/calibrate/assess.hpp"
 
@@ -9,6 +10,8 @@ namespace sightline {
 using namespace calibrate;
 
 namespace {
+
+constexpr size_t kMostListed = 6;  // correlations, links: the rest is in report.json
 
 constexpr const char* kHead = R"(<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>Calibration report</title>
@@ -22,6 +25,7 @@ td,th{padding:.2rem .7rem;text-align:right;border-bottom:1px solid #e3e3e3}
 td:first-child,th:first-child{text-align:left}
 .plots{display:flex;flex-wrap:wrap;gap:1rem}
 .good{color:#1b7a3d}.usable{color:#a86500}.notgood{color:#c0392b}
+.wide{overflow-x:auto}.wide td,.wide th{white-space:nowrap}svg{max-width:100%;height:auto}
 svg .t,svg .c{font:600 12px sans-serif}svg .n{font:11px sans-serif;fill:#555}
 p.small{color:#555;font-size:13px}
 </style></head><body>
@@ -66,9 +70,9 @@ std::string summary(const CalibrationViews& views, const RigSolution& solution,
 
 std::string camera_table(const RigSolution& solution, const RigReport& report) {
   std::string html =
-      "<table><tr><th>camera</th><th>verdict</th><th>views</th><th>fit</th><th>held out</th>"
-      "<th>halves differ: place</th><th>turn</th><th>image (median)</th><th>sigma of place</th>"
-      "<th>time offset</th></tr>\n";
+      "<div class=\"wide\"><table><tr><th>camera</th><th>verdict</th><th>views</th><th>fit</th>"
+      "<th>held out</th><th>halves differ: place</th><th>turn</th><th>image (median)</th>"
+      "<th>at the target (median; worst)</th><th>sigma of place</th><th>time offset</th></tr>\n";
   for (size_t c = 0; c < report.cameras.size(); ++c) {
     const CameraReport& r = report.cameras[c];
     const SolvedCamera& s = solution.cameras[c];
@@ -77,14 +81,68 @@ std::string camera_table(const RigSolution& solution, const RigReport& report) {
     };
     html += fmt::format(
         "<tr><td><b>{}</b></td><td class=\"{}\">{}</td><td>{}</td><td>{:.3f} px</td><td>{}</td>"
-        "<td>{}</td><td>{}</td><td>{}</td><td>{:.2f} mm, {:.3f}&deg;</td><td>{:.1f} ms</td></tr>\n",
+        "<td>{}</td><td>{}</td><td>{}</td><td>{}; {}</td><td>{:.2f} mm, {:.3f}&deg;</td>"
+        "<td>{:.1f} ms</td></tr>\n",
         html_text(r.name), css_class(r.grade), to_string(r.grade), s.views, s.camera.rms_px,
         number(r.held_out_px, 3, "px"), number(half(&SplitHalf::center_mm), 2, "mm"),
         number(half(&SplitHalf::rotation_deg), 3, "&deg;"),
-        number(half(&SplitHalf::median_px), 3, "px"), r.place_sigma_mm, r.place_sigma_deg,
+        number(half(&SplitHalf::median_px), 3, "px"), number(half(&SplitHalf::median_mm), 2, "mm"),
+        number(half(&SplitHalf::worst_mm), 2, "mm"), r.place_sigma_mm, r.place_sigma_deg,
         1e3 * s.time_offset_s);
   }
-  return html + "</table>\n";
+  return html + "</table></div>\n";
+}
+
+std::string weakest_links(const RigReport& report) {
+  std::string html =
+      "<p>Where the rig comes apart first (the links that tie each camera to the "
+      "others best, weakest first): ";
+  for (size_t i = 0; i < std::min(kMostListed, report.weakest.size()); ++i) {
+    const LinkReport& link = report.links[report.weakest[i]];
+    html += fmt::format(
+        "{}{} and {}: {} set{}{}", i > 0 ? "; " : "", html_text(report.cameras[link.a].name),
+        html_text(report.cameras[link.b].name), link.sets, link.sets == 1 ? "" : "s",
+        link.sets < 5 ? " <b class=\"notgood\">(show both the target again)</b>" : "");
+  }
+  return html + ".</p>\n";
+}
+
+/// What an error of the lens does, near, at the working distance and far.
+std::string sigma_table(const CameraReport& r, double focal_px) {
+  std::string html =
+      "<div class=\"wide\"><table><tr><th>one sigma of projection</th><th>center</th>"
+      "<th>edge (median)</th><th>worst</th></tr>";
+  const auto cell = [&](double px, double distance) {
+    return fmt::format("<td>{:.3f} px, {:.2f} mm</td>", px, 1e3 * px * distance / focal_px);
+  };
+  const auto row = [&](const char* name, const std::optional<ProjectionSigma>& s) {
+    if (!s) return;
+    html += fmt::format("<tr><td>{}, {:.2f} m</td>", name, s->distance) +
+            cell(s->center, s->distance) + cell(s->edge, s->distance) +
+            cell(s->worst, s->distance) + "</tr>";
+  };
+  row("nearest corner", r.sigma_near);
+  row("working distance", r.sigma);
+  row("farthest corner", r.sigma_far);
+  return html + "</table></div>\n";
+}
+
+std::string parameter_table(const SolvedCamera& s) {
+  std::string html = "<table><tr><th>parameter</th><th>value</th><th>one sigma</th></tr>";
+  for (const ParameterEstimate& e : s.estimates) {
+    html +=
+        fmt::format("<tr><td>{}</td><td>{:.6g}</td><td>{:.2g}</td></tr>", e.name, e.value, e.sigma);
+  }
+  html += "</table>\n";
+  const std::vector<Correlation> pairs = telling_correlations(s);
+  if (pairs.empty()) return html;
+  html += "<p class=\"small\">Hardly told apart by these views (correlation): ";
+  for (size_t i = 0; i < std::min(kMostListed, pairs.size()); ++i) {
+    html += fmt::format("{}{} and {} ({:.3f})", i > 0 ? ", " : "", pairs[i].a, pairs[i].b,
+                        pairs[i].value);
+  }
+  if (pairs.size() > kMostListed) html += fmt::format(", {} more", pairs.size() - kMostListed);
+  return html + ". Tilted views, near and far and at the edge of the image, tell them apart.</p>\n";
 }
 
 std::string camera_section(const CalibrationViews& views, const RigSolution& solution,
@@ -119,14 +177,13 @@ std::string camera_section(const CalibrationViews& views, const RigSolution& sol
   }
   html += "<div class=\"plots\">" + coverage_plot(plotted) + residual_field_plot(plotted);
   if (r.sigma) html += sigma_plot(*r.sigma, plotted.width, plotted.height);
-  html += histogram_plot(plotted) + "</div>\n";
-  if (s.estimates.empty()) return html + "<p class=\"small\">The lens was given.</p>\n";
-  html += "<table><tr><th>parameter</th><th>value</th><th>one sigma</th></tr>";
-  for (const ParameterEstimate& e : s.estimates) {
-    html +=
-        fmt::format("<tr><td>{}</td><td>{:.6g}</td><td>{:.2g}</td></tr>", e.name, e.value, e.sigma);
+  if (r.split_half && !r.split_half->px.empty()) {
+    html += half_plot(*r.split_half, plotted.width, plotted.height);
   }
-  return html + "</table>\n";
+  html += histogram_plot(plotted) + "</div>\n";
+  if (s.lens_known) html += "<p class=\"small\">The lens was given.</p>\n";
+  if (r.sigma) html += sigma_table(r, s.camera.model.parameters().fx);
+  return s.estimates.empty() ? html : html + parameter_table(s);
 }
 
 }  // namespace
@@ -135,7 +192,9 @@ std::string report_html(const CalibrationViews& views, const RigSolution& soluti
                         const RigReport& report, const std::string& epoch) {
   std::string html = kHead + summary(views, solution, report, epoch);
   html += camera_table(solution, report);
-  if (report.cameras.size() > 1) html += link_plot(report.cameras, report.links);
+  if (report.cameras.size() > 1) {
+    html += link_plot(report.cameras, report.links) + weakest_links(report);
+  }
   const auto errors = corner_errors(views, solution);
   for (size_t c = 0; c < report.cameras.size(); ++c) {
     html += camera_section(views, solution, report, c, errors);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "calibrate/report/correlations.hpp"
 #include "calibrate/solve/lens_projection.hpp"
 #include "sightline/calibrate/assess.hpp"
 
@@ -10,29 +10,26 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr double kTellingCorrelation = 0.9;
-
 const char* name_of(LensModel lens) {
   return lens == LensModel::kFisheye    ? "fisheye"
          : lens == LensModel::kRational ? "rational"
                                         : "brown_conrady";
 }
 
-/// Pairs of lens parameters that the views hardly tell apart.
+/// Pairs that the views hardly tell apart.
 Json correlations(const SolvedCamera& solved) {
   Json list = Json::array();
-  for (size_t i = 0; i < solved.estimates.size(); ++i) {
-    for (size_t j = i + 1; j < solved.estimates.size(); ++j) {
-      const double value =
-          solved.covariance(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) /
-          (solved.estimates[i].sigma * solved.estimates[j].sigma);
-      if (std::abs(value) < kTellingCorrelation) continue;
-      list.push_back({{"a", solved.estimates[i].name},
-                      {"b", solved.estimates[j].name},
-                      {"correlation", value}});
-    }
+  for (const calibrate::Correlation& one : calibrate::telling_correlations(solved)) {
+    list.push_back({{"a", one.a}, {"b", one.b}, {"correlation", one.value}});
   }
   return list;
+}
+
+Json sigma_json(const ProjectionSigma& sigma) {
+  return {{"distance_m", sigma.distance},
+          {"center_px", sigma.center},
+          {"edge_px", sigma.edge},
+          {"worst_px", sigma.worst}};
 }
 
 Json camera_json(const SolvedCamera& solved, const CameraReport& report) {
@@ -59,14 +56,21 @@ Json camera_json(const SolvedCamera& solved, const CameraReport& report) {
                           {"rotation_deg", h.rotation_deg},
                           {"median_px", h.median_px},
                           {"worst_px", h.worst_px},
-                          {"median_mm", h.median_mm}};
+                          {"median_mm", h.median_mm},
+                          {"worst_mm", h.worst_mm},
+                          {"columns", h.columns},
+                          {"rows", h.rows},
+                          {"px", h.px}};
   }
   if (report.sigma) {
-    json["projection_sigma"] = {{"center_px", report.sigma->center},
-                                {"worst_px", report.sigma->worst},
-                                {"columns", report.sigma->columns},
-                                {"rows", report.sigma->rows},
-                                {"px", report.sigma->values}};
+    Json& json_sigma = json["projection_sigma"] = sigma_json(*report.sigma);
+    json_sigma["columns"] = report.sigma->columns;
+    json_sigma["rows"] = report.sigma->rows;
+    json_sigma["px"] = report.sigma->values;
+    json_sigma["by_distance"] = Json::array();
+    for (const auto& sigma : {report.sigma_near, report.sigma, report.sigma_far}) {
+      if (sigma) json_sigma["by_distance"].push_back(sigma_json(*sigma));
+    }
   }
   for (const ParameterEstimate& e : solved.estimates) {
     json["parameters"].push_back({{"name", e.name}, {"value", e.value}, {"sigma", e.sigma}});
@@ -107,6 +111,8 @@ std::string report_json(const CalibrationViews& views, const RigSolution& soluti
                              {"b", report.cameras[link.b].name},
                              {"sets", link.sets}});
   }
+  json["weakest_links"] = Json::array();
+  for (const size_t i : report.weakest) json["weakest_links"].push_back(json["links"][i]);
   return json.dump(2) + "\n";
 }
 

@@ -4,12 +4,15 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "calibrate/report/rig_bundle.hpp"
 
 namespace sightline::calibrate {
 namespace {
+
+constexpr int kColumns = 16, kRows = 12;
 
 /// part_from_whole: the rigid motion that brings the target's corners of one solution onto those of
 /// the other (Umeyama, 1991, without scale).
@@ -37,6 +40,30 @@ double median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
+}
+
+/// Where the two show a point that `a` shows at `pixel`, so far away [px between].
+double difference_at(const CalibratedCamera& in_a, const CalibratedCamera& in_b,
+                     const Rigid3& b_from_a, const Eigen::Vector2d& pixel, double distance) {
+  const auto ray = in_a.model.unproject(pixel);
+  if (!ray) return std::numeric_limits<double>::quiet_NaN();
+  const Eigen::Vector3d point = in_a.world_from_camera * Eigen::Vector3d(*ray * distance);
+  const auto other = in_b.model.project(in_b.world_from_camera.inverse() * (b_from_a * point));
+  return other ? (*other - pixel).norm() : std::numeric_limits<double>::quiet_NaN();
+}
+
+void fill_map(const CalibratedCamera& in_a, const CalibratedCamera& in_b, const Rigid3& b_from_a,
+              double distance, SplitHalf& half) {
+  half.columns = kColumns;
+  half.rows = kRows;
+  const double width = in_a.model.width() - 1, height = in_a.model.height() - 1;
+  for (int row = 0; row < kRows; ++row) {
+    for (int column = 0; column < kColumns; ++column) {
+      half.px.push_back(difference_at(
+          in_a, in_b, b_from_a, {width * column / (kColumns - 1.0), height * row / (kRows - 1.0)},
+          distance));
+    }
+  }
 }
 
 }  // namespace
@@ -71,7 +98,7 @@ std::vector<SplitHalf> compare(const CalibrationViews& views, const RigSolution&
     half.center_mm = 1e3 * translation_distance(in_a.world_from_camera, in_b.world_from_camera);
     half.rotation_deg =
         rotation_angle(in_a.world_from_camera, in_b.world_from_camera) * 180 / std::numbers::pi;
-    std::vector<double> px, mm;
+    std::vector<double> px, mm, distances;
     for (const TargetView& view : views.views) {
       if (view.camera != c || !whole.world_from_target[view.set]) continue;
       for (const TargetCorner& corner : view.corners) {
@@ -85,10 +112,16 @@ std::vector<SplitHalf> compare(const CalibrationViews& views, const RigSolution&
             in_b.model.project(in_b.world_from_camera.inverse() * (b_from_whole * point));
         if (!pixel_a || !pixel_b) continue;
         px.push_back((*pixel_a - *pixel_b).norm());
-        mm.push_back(1e3 * px.back() * point_in_a.norm() / in_a.model.parameters().fx);
+        distances.push_back(point_in_a.norm());
+        mm.push_back(1e3 * px.back() * distances.back() / in_a.model.parameters().fx);
       }
     }
-    if (!px.empty()) half.worst_px = *std::max_element(px.begin(), px.end());
+    if (!px.empty()) {
+      half.worst_px = *std::max_element(px.begin(), px.end());
+      half.worst_mm = *std::max_element(mm.begin(), mm.end());
+      fill_map(in_a, in_b, b_from_whole * a_from_whole.inverse(), median(std::move(distances)),
+               half);
+    }
     half.median_px = median(std::move(px));
     half.median_mm = median(std::move(mm));
     out.push_back(half);

@@ -9,6 +9,7 @@
 #include "calibrate/solve/chain.hpp"
 #include "calibrate/solve/covariance.hpp"
 #include "calibrate/solve/refusals.hpp"
+#include "calibrate/solve/stamps.hpp"
 #include "calibrate/solve/target_pose.hpp"
 #include "sightline/calibrate/solve.hpp"
 
@@ -201,7 +202,7 @@ Result<RigSolution> to_solution(const CalibrationViews& views, const SolveOption
     SL_ASSIGN(CameraModel model, CameraModel::create(lens_parameters(camera.lens, camera.values,
                                                                      seen.width, seen.height),
                                                      camera_place(views, c)));
-    SolvedCamera solved{.camera = {"", std::move(model), Rigid3(), 0}};
+    SolvedCamera solved{.camera = {"", model, Rigid3(), 0}};
     fill_camera(views, bundle, covariance, c, solved);
     for (const TargetView& view : views.views) {
       if (view.camera == c && view.corners.size() >= options.min_corners) {
@@ -266,7 +267,9 @@ Result<RigSolution> solve_rig(const CalibrationViews& views, const SolveOptions&
   rough.threads = options.threads;
   const int first = adjust(bundle, rough).iterations;
   auto solution = finish(views, options, bundle);
-  if (solution) solution->iterations += first;
+  if (!solution) return solution;
+  SL_RETURN_IF_ERROR(check_stamps(views, options, *solution));
+  solution->iterations += first;
   return solution;
 }
 

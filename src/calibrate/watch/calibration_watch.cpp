@@ -6,19 +6,22 @@
 
 #include "calibrate/watch/camera_evidence.hpp"
 #include "calibrate/watch/look_rounds.hpp"
+#include "calibrate/watch/scene_evidence.hpp"
 #include "sightline/base/check.hpp"
 
 namespace sightline {
 
 using calibrate::CameraEvidence;
+using calibrate::ChangedTogether;
 using calibrate::Correction;
+using calibrate::CorrectionFit;
 using calibrate::CourseFit;
 using calibrate::LookRound;
 using calibrate::LookRounds;
 using calibrate::RoundComparison;
+using calibrate::SceneEvidence;
 
 namespace {
-
 constexpr double kDisputed = 0.8;     // of the largest gain: nobody tells which is wrong
 constexpr double kRestored = 10;      // significance below which a flagged camera is in order again
 constexpr double kMargin = 10;        // of the gain; less may be chance
@@ -26,6 +29,9 @@ constexpr int kDisputedBuckets = 10;  // before a dispute is one
 constexpr size_t kRecent = 15;        // buckets that tell so
 constexpr size_t kFewestBuckets = 5;  // before anything is said
 constexpr size_t kFewest = 2;         // buckets that a correction is made of
+// One sigma of a look at an object, where there was none [rad, m].
+constexpr double kLookRotation = 0.002, kLookTranslation = 0.002;
+constexpr double kAnywhere = 1;  // of a camera that is another one [rad, m]
 const std::shared_ptr<const Matrix6> kNothing;
 
 }  // namespace
@@ -42,6 +48,8 @@ std::string_view to_string(CalibrationState state) {
       return "drifting";
     case CalibrationState::kDisputed:
       return "disputed";
+    case CalibrationState::kUnfit:
+      return "unfit";
   }
   return "";
 }
@@ -60,6 +68,11 @@ struct CalibrationWatch::Impl {
   void flag(size_t camera, Time now);
   void restore(size_t camera);
   void describe(size_t camera);
+  bool add_scene(const SceneLook& look);
+  void flag_by_scene(size_t camera, Time now);
+  void set_unfit(size_t camera, Time now);
+  bool is_light(size_t camera, Time now);
+  CorrectionFit with_scene(size_t camera, Vector6& rate) const;
   void resize();
   void reset();
 
@@ -69,6 +82,8 @@ struct CalibrationWatch::Impl {
   std::vector<LookRounds> rounds;             // by ObjectId
   RoundComparison comparison;
   std::vector<CameraEvidence> evidence;  // by CameraId, as all below
+  std::vector<SceneEvidence> scenes;
+  ChangedTogether changed;
   std::vector<char> voters;
   std::vector<Candidate> candidates;
   std::vector<CameraWatch> verdicts;
@@ -85,6 +100,7 @@ void CalibrationWatch::Impl::resize() {
     rounds.emplace_back(cameras, options.round, symmetry);
   }
   evidence.assign(cameras, CameraEvidence(options));
+  scenes.assign(cameras, SceneEvidence(options));
   voters.resize(cameras);
   candidates.resize(cameras);
   verdicts.resize(cameras);
@@ -95,12 +111,14 @@ void CalibrationWatch::Impl::resize() {
 void CalibrationWatch::Impl::reset() {
   for (size_t i = 0; i < evidence.size(); ++i) {
     evidence[i].clear();
+    scenes[i].clear();
     voters[i] = world_from_camera[i] ? 1 : 0;
     candidates[i] = Candidate();
     verdicts[i] = CameraWatch();
     extra_covariances[i].reset();
   }
   for (LookRounds& r : rounds) r.clear();
+  changed.begin(evidence.size());
   disputed = 0;
   bucket_end = Time::min();
 }
@@ -130,7 +148,8 @@ void CalibrationWatch::Impl::judge_flagged(size_t camera) {
   if (own.size() < kRecent) return;
   const auto recent = own.fit_newest(kRecent);
   const CameraWatch& verdict = verdicts[camera];
-  if (recent.significance < kRestored && own.begin(own.size() - kRecent) >= verdict.flagged) {
+  if (recent.significance < kRestored && own.begin(own.size() - kRecent) >= verdict.flagged &&
+      !scenes[camera].moved()) {
     restore(camera);
     return;
   }
@@ -150,7 +169,8 @@ void CalibrationWatch::Impl::find_culprit(Time now) {
   for (size_t i = 0; i < evidence.size(); ++i) {
     if (voters[i] == 0) continue;
     const bool enough = evidence[i].size() >= kFewestBuckets;
-    verdicts[i].state = enough ? CalibrationState::kInOrder : CalibrationState::kUnknown;
+    verdicts[i].state =
+        enough || scenes[i].enough() ? CalibrationState::kInOrder : CalibrationState::kUnknown;
     if (!enough) continue;
     candidates[i].course = evidence[i].fit_course();
     // Of one scale for all, as they are compared.
@@ -216,17 +236,39 @@ void CalibrationWatch::Impl::restore(size_t camera) {
   verdicts[camera] = CameraWatch();
 }
 
+// What the room says and what the objects say, if anything, of a camera that stands elsewhere.
+CorrectionFit CalibrationWatch::Impl::with_scene(size_t camera, Vector6& rate) const {
+  CorrectionFit fit = scenes[camera].correction(rate);
+  const CameraEvidence& own = evidence[camera];
+  if (own.size() < kFewest) return fit;
+  const size_t newest = scenes[camera].drifts() ? kRecent : own.size();
+  const CorrectionFit objects = own.fit_newest(newest);
+  // The prior is in both; that of a shift is far too wide to matter.
+  const Matrix6 information = fit.covariance.ldlt().solve(Matrix6::Identity());
+  const Matrix6 of_objects = objects.covariance.ldlt().solve(Matrix6::Identity());
+  const Eigen::LDLT<Matrix6> both(Matrix6(information + of_objects));
+  fit.correction = both.solve(information * fit.correction + of_objects * objects.correction);
+  fit.covariance = both.solve(Matrix6::Identity());
+  fit.significance = std::max(fit.significance, objects.significance);
+  return fit;
+}
+
 void CalibrationWatch::Impl::describe(size_t camera) {
   CameraWatch& verdict = verdicts[camera];
   const CameraEvidence& own = evidence[camera];
   verdict.compared_s = static_cast<double>(own.rounds()) * to_seconds(options.round);
-  if (own.size() == 0) {
+  verdict.patches = scenes[camera].newest().patches;
+  verdict.looked = scenes[camera].newest().time;
+  if (verdict.state == CalibrationState::kUnfit) return;
+  if (own.size() == 0 && !verdict.by_scene) {
     extra_covariances[camera].reset();
     return;
   }
   const bool wrong = is_wrong(verdict.state);
   CourseFit course;
-  if (verdict.state == CalibrationState::kDrifting) {
+  if (wrong && verdict.by_scene) {
+    course.now = with_scene(camera, course.rate);
+  } else if (verdict.state == CalibrationState::kDrifting) {
     course = own.fit_course();
   } else if (wrong || verdict.state == CalibrationState::kInOrder) {
     course.now = own.fit_newest(own.size());
@@ -247,9 +289,112 @@ void CalibrationWatch::Impl::describe(size_t camera) {
   const Matrix6 moments = verdict.correction * verdict.correction.transpose() + verdict.covariance;
   extra_covariances[camera] =
       std::make_shared<const Matrix6>(world_from_camera[camera]->covariance_in_target(moments));
-  const Matrix6 look = own.round_information();
+  Matrix6 look = own.round_information();
+  if (own.size() == 0) {
+    Vector6 usual;
+    usual << Eigen::Vector3d::Constant(1 / (kLookRotation * kLookRotation)),
+        Eigen::Vector3d::Constant(1 / (kLookTranslation * kLookTranslation));
+    look = usual.asDiagonal();
+  }
   verdict.vote = 6 / (6 + verdict.correction.dot(look * verdict.correction));
   verdict.look_ratio = (look * verdict.covariance).trace() / 6;
+}
+
+bool CalibrationWatch::Impl::add_scene(const SceneLook& look) {
+  const size_t camera = look.camera.index();
+  if (camera >= scenes.size() || !world_from_camera[camera]) return false;
+  CameraWatch& verdict = verdicts[camera];
+  switch (scenes[camera].add(look)) {
+    case SceneEvidence::Event::kNone:
+      return false;
+    case SceneEvidence::Event::kBucket:
+      break;
+    case SceneEvidence::Event::kMoved:
+      flag_by_scene(camera, look.time);
+      break;
+    case SceneEvidence::Event::kUnfit:
+      set_unfit(camera, look.time);
+      break;
+    case SceneEvidence::Event::kBack:
+      verdict.by_scene = false;
+      [[fallthrough]];
+    case SceneEvidence::Event::kFits:
+      changed.forget(camera);
+      evidence[camera].forget_before(0);
+      voters[camera] = 1;
+      verdict = CameraWatch();
+      extra_covariances[camera].reset();
+      break;
+  }
+  if (verdict.state == CalibrationState::kUnknown && scenes[camera].enough()) {
+    verdict.state = CalibrationState::kInOrder;
+  }
+  describe(camera);
+  return true;
+}
+
+// The room is no party: it needs no comparison with other cameras.
+void CalibrationWatch::Impl::flag_by_scene(size_t camera, Time now) {
+  CameraWatch& verdict = verdicts[camera];
+  const SceneEvidence& scene = scenes[camera];
+  verdict.by_scene = true;
+  disputed = 0;
+  if (is_wrong(verdict.state)) return;  // the objects said so
+  verdict.state = scene.drifts() ? CalibrationState::kDrifting : CalibrationState::kKnocked;
+  verdict.since = scene.since();
+  verdict.since_start = scene.since_start();
+  verdict.flagged = now;
+  voters[camera] = 0;
+  candidates[camera] = Candidate();
+  for (size_t i = 0; i < evidence.size(); ++i) {
+    if (i != camera) {
+      evidence[i].forget_since(verdict.since);
+      if (verdicts[i].state == CalibrationState::kDisputed) {
+        verdicts[i].state = CalibrationState::kUnknown;
+      }
+    } else if (!verdict.since_start) {
+      evidence[i].forget_until(verdict.since);
+    }
+  }
+}
+
+// All of them are not another camera's; the objects still tell.
+bool CalibrationWatch::Impl::is_light(size_t camera, Time now) {
+  const SceneLook& look = scenes[camera].newest();
+  changed.forget(camera);
+  if (look.zoom != 1 || !look.looks_like.empty()) return false;
+  changed.note(camera, now);
+  if (!changed.are_most(scenes, now)) return false;
+  for (size_t i = 0; i < verdicts.size(); ++i) {
+    if (!changed.has(i, now)) continue;
+    voters[i] = 1;
+    verdicts[i] = CameraWatch{.light_changed = true};
+    extra_covariances[i].reset();
+  }
+  return true;
+}
+
+void CalibrationWatch::Impl::set_unfit(size_t camera, Time now) {
+  if (is_light(camera, now)) return;
+  CameraWatch& verdict = verdicts[camera];
+  const SceneEvidence& scene = scenes[camera];
+  verdict.zoom = scene.newest().zoom;
+  verdict.looks_like = scene.newest().looks_like;
+  if (verdict.state == CalibrationState::kUnfit) return;
+  verdict = {.state = CalibrationState::kUnfit,
+             .since = scene.since(),
+             .flagged = now,
+             .vote = 0,
+             .by_scene = true,
+             .zoom = verdict.zoom,
+             .looks_like = verdict.looks_like};
+  voters[camera] = 0;
+  candidates[camera] = Candidate();
+  extra_covariances[camera] =
+      std::make_shared<const Matrix6>(kAnywhere * kAnywhere * Matrix6::Identity());
+  for (size_t i = 0; i < evidence.size(); ++i) {
+    if (i != camera) evidence[i].forget_since(verdict.since);
+  }
 }
 
 CalibrationWatch::CalibrationWatch(std::vector<std::optional<Rigid3>> world_from_camera,
@@ -285,6 +430,8 @@ bool CalibrationWatch::add(const Observation& observation, const PoseTrack& trac
   impl.close_bucket(now);
   return true;
 }
+
+bool CalibrationWatch::add(const SceneLook& look) { return impl_->add_scene(look); }
 
 std::span<const CameraWatch> CalibrationWatch::cameras() const { return impl_->verdicts; }
 

@@ -144,6 +144,12 @@ void CameraEvidence::forget_before(size_t keep) {
   coarse_ -= std::min(coarse_, gone);
 }
 
+void CameraEvidence::forget_until(Time time) {
+  size_t keep = 0;
+  while (keep < count_ && at(count_ - 1 - keep).begin >= time) ++keep;
+  forget_before(keep);
+}
+
 Matrix6 CameraEvidence::round_information() const {
   Matrix6 sum = Matrix6::Zero();
   int rounds = 0;

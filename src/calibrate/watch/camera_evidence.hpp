@@ -39,6 +39,7 @@ class CameraEvidence {
   /// Drops what was learned since `time`, or all but the newest `keep` buckets.
   void forget_since(Time time);
   void forget_before(size_t keep);
+  void forget_until(Time time);  ///< what was learned before it
   void clear();
 
   size_t size() const { return count_; }

@@ -5,6 +5,7 @@
 
 #include "fuse/bank/camera_record.hpp"
 #include "fuse/bank/hypothesis_selection.hpp"
+#include "fuse/bank/picture_record.hpp"
 #include "fuse/bank/prediction.hpp"
 #include "fuse/bank/track_state.hpp"
 
@@ -43,6 +44,24 @@ bool HypothesisBank::refuted(Time time, std::span<const Observation> observation
   });
 }
 
+namespace {
+
+// Whether the newest measurements are of outline and edges alone: those can lie on the wrong ones.
+void record_outline_only(std::span<const Observation> set, const Outcome* best, BankState& state) {
+  bool any = false, outline_only = true;
+  for (const Observation& observation : set) {
+    if (best == nullptr || (best->accepted & camera_bit(observation.camera)) == 0) continue;
+    for (const PoseTermPtr& term : observation.terms) {
+      any = true;
+      const std::string_view kind = term->kind();
+      outline_only &= kind == "region" || kind == "edge" || kind == "detection";
+    }
+  }
+  if (any) state.outline_only = outline_only;
+}
+
+}  // namespace
+
 void HypothesisBank::step(const BankState& before, Time time,
                           std::span<const Observation> observations, BankState& after) {
   after = before;
@@ -51,6 +70,7 @@ void HypothesisBank::step(const BankState& before, Time time,
   after.residual = 0;
   after.started = after.reset = false;
   expire(time, options_, after);
+  if (time > held_until(after, options_) + options_.silence) after.undoubted = Duration(0);
   const bool refuted_now = refuted(time, observations, after);
   if (refuted_now) after.count = 0;
   collect(time, observations, after, symmetric_.unobservable_axis(), options_, set_);
@@ -67,6 +87,8 @@ void HypothesisBank::step(const BankState& before, Time time,
   const bool contradicted = record_observations(time, observations, best, options_, after);
   after.reset |= refuted_now;
   after.started &= !refuted_now;  // it was known
+  record_pictures(time, observations, best, after);
+  record_outline_only(observations, best, after);
   publish(time, contradicted || doubted_, options_, symmetric_, after);
 }
 

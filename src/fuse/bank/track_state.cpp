@@ -16,6 +16,8 @@
 namespace sightline::fuse {
 namespace {
 
+constexpr Duration kSettle = std::chrono::milliseconds(100);
+
 double largest_sigma(const Eigen::Matrix3d& covariance) {
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
   solver.computeDirect(covariance, Eigen::EigenvaluesOnly);
@@ -45,7 +47,19 @@ DegradedReasons degraded_reasons_of(int holding, bool contradicted, const Estima
   add(alone && (options.one_camera_is_degraded || (degraded_reasons & kWeakPosition) != 0),
       kOneCamera);
   add(contradicted, kContradicted);
+  add(state.unexplained || state.absent, kUnexplained);
   return degraded_reasons;
+}
+
+// An outline on its way to the right edges passes every test now and then. So something must not
+// have spoken against `tracking` for kSettle, or for as long as it did before: time without doubt
+// adds up, time with doubt is taken off. Markers and textures say at once where they are.
+bool settled(Time time, bool sure, BankState& state) {
+  const Duration passed = std::clamp(time - state.judged, Duration(0), kSettle);
+  state.judged = time;
+  state.undoubted = sure ? std::min(kSettle, state.undoubted + passed)
+                         : std::max(Duration(0), state.undoubted - passed);
+  return sure && (!state.outline_only || state.undoubted == kSettle);
 }
 
 void classify(Time time, bool contradicted, const EstimatorOptions& options,
@@ -55,18 +69,22 @@ void classify(Time time, bool contradicted, const EstimatorOptions& options,
   if (state.count == 0) {
     const bool long_ago = time - out.last_measured > options.searching_after;
     out.state = state.found_before && !long_ago ? TrackState::kLost : TrackState::kSearching;
+    settled(time, false, state);
     return;
   }
   const int holding = std::popcount(holding_cameras(time, options, state));
   if (holding == 0) {
     out.state = TrackState::kCoasting;
+    settled(time, false, state);
     out.degraded_reasons = symmetric.ambiguous(state.hypotheses[0]) ? kAmbiguous : 0;
     return;
   }
   // Of as many cameras that say one thing as say another nobody knows which are right.
   contradicted |= refused_cameras(time, options, state) >= holding;
   out.degraded_reasons = degraded_reasons_of(holding, contradicted, options, symmetric, state);
-  out.state = out.degraded_reasons == 0 ? TrackState::kTracking : TrackState::kDegraded;
+  const bool sure = settled(time, out.degraded_reasons == 0, state);
+  if (!sure && out.degraded_reasons == 0) out.degraded_reasons = kUnconfirmed;
+  out.state = sure ? TrackState::kTracking : TrackState::kDegraded;
 }
 
 // The filter takes a camera's systematic error for new in every frame and averages it away. What is

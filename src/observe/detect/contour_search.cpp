@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "observe/detect/colors/color_silhouettes.hpp"
+#include "observe/detect/colors/contour_colors.hpp"
 #include "observe/detect/colors/pose_pool.hpp"
 #include "observe/detect/detect_constants.hpp"
 #include "observe/detect/pixels/sector_contrast.hpp"
@@ -34,6 +35,67 @@ void note(DetectionTrace* trace, const char* name, const std::vector<ContourPose
     stage.candidates.push_back({pose.fit.motion.world_from_object, pose.score});
   }
   trace->stages.push_back(std::move(stage));
+}
+
+// Of each place some, and of other places too: those are the rivals that it has to beat.
+class PromisingPoses {
+ public:
+  PromisingPoses(const Eigen::Vector3d& center, double radius) : center_(center), radius_(radius) {}
+
+  /// Unless it is one of them, or its place has enough.
+  void add(const RigMotion& motion) {
+    const Rigid3& here = motion.world_from_object;
+    size_t same_place = 0;
+    for (const RigMotion& other : motions_) {
+      const double distance = (other.world_from_object * center_ - here * center_).norm();
+      if (distance < kSameFitDistance * radius_ &&
+          rotation_angle(other.world_from_object, here) < kSameFitAngle)
+        return;
+      if (distance < kOtherPlace * radius_) ++same_place;
+    }
+    if (same_place < kMaxOfPlace) motions_.push_back(motion);
+  }
+
+  size_t size() const { return motions_.size(); }
+  const std::vector<RigMotion>& motions() const { return motions_; }
+
+ private:
+  const Eigen::Vector3d center_;
+  const double radius_;
+  std::vector<RigMotion> motions_;
+};
+
+std::vector<double> agreement_of(const std::vector<ContourPose>& poses, const MeshColors& colors,
+                                 const Executor& executor) {
+  std::vector<double> out(poses.size());
+  executor(poses.size(),
+           [&](size_t i) { out[i] = colors.agreement(poses[i].fit.motion.world_from_object); });
+  return out;
+}
+
+// Product of score and colors; none where the mesh has none.
+std::vector<double> with_colors(const std::vector<ContourPose>& poses, const MeshColors* colors,
+                                const Executor& executor) {
+  if (colors == nullptr) return {};
+  std::vector<double> out = agreement_of(poses, *colors, executor);
+  for (size_t i = 0; i < out.size(); ++i) out[i] = std::max(0.0, out[i]) * poses[i].score;
+  return out;
+}
+
+// By their scores as the colors of the mesh weigh them; the scores stay.
+void sort_with_colors(std::vector<ContourPose>& poses, const MeshColors* colors,
+                      const Executor& executor) {
+  if (colors == nullptr) return;
+  const std::vector<double> weights = color_weights(agreement_of(poses, *colors, executor));
+  std::vector<size_t> order(poses.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) {
+    return weights[a] * poses[a].score > weights[b] * poses[b].score;
+  });
+  std::vector<ContourPose> sorted;
+  sorted.reserve(poses.size());
+  for (const size_t i : order) sorted.push_back(std::move(poses[i]));
+  poses = std::move(sorted);
 }
 
 void sort_by_score(std::vector<ContourPose>& poses) {
@@ -93,7 +155,7 @@ std::vector<ContourPose> ContourSearch::fit(const DetectorFrames& frames,
 std::vector<ContourPose> ContourSearch::fit(const DetectorFrames& frames,
                                             std::span<const RigMotion> starts) const {
   std::vector<ContourPose> fits = fit(frames, starts, kSearchReach, kFullFit);
-  reorient(frames, fits);
+  reorient(frames, fits, nullptr);
   return fits;
 }
 
@@ -107,34 +169,37 @@ std::vector<ContourPose> ContourSearch::compare(const DetectorFrames& frames,
     fits.push_back(std::move(near));
   }
   sort_by_score(fits);
-  reorient(frames, fits);
+  reorient(frames, fits, nullptr);
   return fits;
 }
 
 std::vector<ContourPose> ContourSearch::fit_promising(const DetectorFrames& frames,
                                                       std::span<const RigMotion> starts,
-                                                      double reach, double known) const {
+                                                      double reach, double known,
+                                                      const MeshColors* colors) const {
   const std::vector<ContourPose> quick = fit(frames, starts, reach, kQuickFit);
   if (quick.empty()) return {};
+  const std::vector<double> colored = with_colors(quick, colors, executor_);
+  std::vector<size_t> order(quick.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  PromisingPoses promising(bank_.model().center(), bank_.model().radius());
   const double enough = kPromising * std::max(known, quick.front().score);
-  // Of each place some, and of other places too: those are the rivals that it has to beat.
-  const Eigen::Vector3d& center = bank_.model().center();
-  const double radius = bank_.model().radius();
-  std::vector<RigMotion> promising;
-  for (const ContourPose& pose : quick) {
-    if (pose.score < enough || promising.size() == kMaxPromising) break;
-    const Rigid3& here = pose.fit.motion.world_from_object;
-    size_t same_place = 0;
-    bool same = false;
-    for (const RigMotion& other : promising) {
-      const double distance = (other.world_from_object * center - here * center).norm();
-      if (distance < kOtherPlace * radius) ++same_place;
-      same |= distance < kSameFitDistance * radius &&
-              rotation_angle(other.world_from_object, here) < kSameFitAngle;
-    }
-    if (!same && same_place < kMaxOfPlace) promising.push_back(pose.fit.motion);
+  const double most_colored =
+      colored.empty() ? 0 : *std::max_element(colored.begin(), colored.end());
+  const size_t by_score = most_colored > 0 ? kMaxPromising / 2 : kMaxPromising;
+  for (const size_t i : order) {
+    if (quick[i].score < enough || promising.size() == by_score) break;
+    promising.add(quick[i].fit.motion);
   }
-  return fit(frames, promising, kFinalReach, kFullFit);
+  if (most_colored > 0) {
+    std::stable_sort(order.begin(), order.end(),
+                     [&](size_t a, size_t b) { return colored[a] > colored[b]; });
+    for (const size_t i : order) {
+      if (colored[i] < kPromising * most_colored || promising.size() == kMaxPromising) break;
+      promising.add(quick[i].fit.motion);
+    }
+  }
+  return fit(frames, promising.motions(), kFinalReach, kFullFit);
 }
 
 // Those that stand out where they are, before anything is fitted.
@@ -166,8 +231,8 @@ std::vector<JointPose> ContourSearch::screened(const DetectorFrames& frames,
 
 // Rivals of the best: the same turned about its principal axes, and where a slightly other start
 // leads to.
-void ContourSearch::add_variants(const DetectorFrames& frames,
-                                 std::vector<ContourPose>& fits) const {
+void ContourSearch::add_variants(const DetectorFrames& frames, std::vector<ContourPose>& fits,
+                                 const MeshColors* colors) const {
   const Eigen::Vector3d& center = bank_.model().center();
   if (fits.empty()) return;
   const size_t best = std::min(kContourVariants, fits.size());
@@ -184,35 +249,43 @@ void ContourSearch::add_variants(const DetectorFrames& frames,
       }
     }
   }
-  for (ContourPose& variant : fit_promising(frames, starts, kRotatedReach, fits.front().score)) {
+  for (ContourPose& variant :
+       fit_promising(frames, starts, kRotatedReach, fits.front().score, colors)) {
     fits.push_back(std::move(variant));
   }
-  sort_by_score(fits);
 }
 
 std::vector<ContourPose> ContourSearch::search(const DetectorFrames& frames,
-                                               std::span<const JointPose> verified,
+                                               std::vector<JointPose> verified,
                                                const MeshColors* colors,
                                                DetectionTrace* trace) const {
   const double step = 0.25 * bank_.model().radius();
-  std::vector<JointPose> found(verified.begin(), verified.end());
-  add_agreement(colors, found, executor_);
-  std::vector<JointPose> poses = best_of_cells(found, bank_.model().center(), step, 0.25, kMaxPool);
+  add_agreement(colors, verified, executor_);
+  std::vector<JointPose> poses =
+      best_of_cells(std::move(verified), bank_.model().center(), step, 0.25, kMaxPool);
   note(trace, "pool", poses);
   std::vector<RigMotion> starts;
   for (const JointPose& pose : screened(frames, std::move(poses), colors, trace)) {
     starts.push_back({pose.world_from_object, Vector6::Zero()});
   }
-  std::vector<ContourPose> fits = fit_promising(frames, starts, kSearchReach, 0);
+  std::vector<ContourPose> fits = fit_promising(frames, starts, kSearchReach, 0, colors);
+  sort_with_colors(fits, colors, executor_);
   note(trace, "fitted", fits);
-  add_variants(frames, fits);
+  add_variants(frames, fits, colors);
+  sort_by_score(fits);
+  sort_with_colors(fits, colors, executor_);
   note(trace, "varied", fits);
-  reorient(frames, fits);
-  note(trace, "final", fits);
+  reorient(frames, fits, colors);
+  if (trace != nullptr) {
+    std::vector<ContourPose> shown = fits;
+    sort_with_colors(shown, colors, executor_);
+    note(trace, "final", shown);
+  }
   return fits;
 }
 
-void ContourSearch::reorient(const DetectorFrames& frames, std::vector<ContourPose>& fits) const {
+void ContourSearch::reorient(const DetectorFrames& frames, std::vector<ContourPose>& fits,
+                             const MeshColors* mesh_colors) const {
   if (fits.empty() || fits.front().score < kMinReoriented) return;
   const ContourPose best = fits.front();
   const ColorSilhouettes colors(frames, bank_.model(), best.fit.motion, best.cameras);
@@ -222,7 +295,7 @@ void ContourSearch::reorient(const DetectorFrames& frames, std::vector<ContourPo
        silhouettes_.orientations(colors.cameras(), center, kMaxReoriented)) {
     starts.push_back({pose.world_from_object, Vector6::Zero()});
   }
-  for (ContourPose& pose : fit_promising(frames, starts, kSearchReach, best.score)) {
+  for (ContourPose& pose : fit_promising(frames, starts, kSearchReach, best.score, mesh_colors)) {
     fits.push_back(std::move(pose));
   }
   std::vector<double> overlaps(fits.size(), -1);

@@ -39,7 +39,7 @@ class ContourSearch {
 
   /// Of what PoseVerification::verify() has made of the scan, best first; needs the response maps
   /// of the frames. `trace` null: nobody asks.
-  std::vector<ContourPose> search(const DetectorFrames& frames, std::span<const JointPose> verified,
+  std::vector<ContourPose> search(const DetectorFrames& frames, std::vector<JointPose> verified,
                                   const MeshColors* colors, DetectionTrace* trace) const;
   /// Poses that are fitted from these starts, and other orientations there. Best first.
   std::vector<ContourPose> fit(const DetectorFrames& frames,
@@ -57,15 +57,17 @@ class ContourSearch {
   /// `known` with all. Best first.
   std::vector<ContourPose> fit_promising(const DetectorFrames& frames,
                                          std::span<const RigMotion> starts, double reach,
-                                         double known) const;
+                                         double known, const MeshColors* colors) const;
   std::vector<ContourPose> fit(const DetectorFrames& frames, std::span<const RigMotion> starts,
                                double reach, const FitEffort& effort) const;
   std::vector<JointPose> screened(const DetectorFrames& frames, std::vector<JointPose> poses,
                                   const MeshColors* colors, DetectionTrace* trace) const;
-  void add_variants(const DetectorFrames& frames, std::vector<ContourPose>& fits) const;
+  void add_variants(const DetectorFrames& frames, std::vector<ContourPose>& fits,
+                    const MeshColors* colors) const;
   /// All orientations at the place of the best: an outline that leaves a part of the object out
   /// stands out as well as the whole one, but more of what looks like the object lies outside.
-  void reorient(const DetectorFrames& frames, std::vector<ContourPose>& fits) const;
+  void reorient(const DetectorFrames& frames, std::vector<ContourPose>& fits,
+                const MeshColors* mesh_colors) const;
 
   const TemplateBank& bank_;
   const SilhouetteSearch& silhouettes_;

@@ -95,12 +95,18 @@ constexpr double kNoColorsAgree = 0.15, kMaxContourRivalWithoutColors = 0.6;
 // 0.4).
 constexpr double kFewColorsAgree = 0.25;
 constexpr double kOtherPlace = 1.0;  // of the radius
-// A score so much more than the best rival's is believed at once, if it is so high or the mesh's
-// colors agree (a mesh without has none that do not); else when a second search finds the same, as
-// far as it can have moved at these speeds [m/s, rad/s].
+// Of what several searches in a row have to find.
+constexpr double kMinWeakScore = 0.5, kMaxWeakRival = 0.85;
+// And where several cameras show nothing like it elsewhere, whatever the colors are.
+constexpr double kMinScoreAlone = 0.45, kMaxRivalOfAlone = 0.3;
+// A score so much more than the best rival's is believed at once, where the mesh has no colors; if
+// it has, the score has to be so high, and they have to agree: of single searches of eleven
+// recordings below that 5 of 14 were a part of the object or another one, above none of 90. Else
+// when a second search finds the same, as far as it can have moved at these speeds [m/s, rad/s].
 constexpr double kClearContourScore = 0.7, kClearContourMargin = 0.2;
 constexpr double kWeakSpeed = 1.0, kWeakTurnRate = 3.0;
 constexpr double kMaxSecondsBetweenWeak = 1.5;
+constexpr double kUnsteadySpeed = 0.25;  // [m/s] off what three of them would move at
 
 // ---- judge -------------------------------------------------------------------------------------
 constexpr double kClutterEvidence = 0.35;  // share of agreeing lines times contrast in clutter

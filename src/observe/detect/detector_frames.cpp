@@ -44,6 +44,9 @@ void DetectorFrames::add(CameraId camera, const Frame& frame, const ForegroundMa
     if (cameras_[i].id != camera || !slot.frame.store(frame, cameras_[i].calibration.model)) {
       continue;
     }
+    if (slot.frame.info.place) {
+      cameras_[i].calibration.world_from_camera = slot.frame.info.place->world_from_camera;
+    }
     const HalfSizeImage& image = slot.frame.image;
     slot.has_foreground = foreground != nullptr && foreground->width == image.width &&
                           foreground->height == image.height;
@@ -135,6 +138,11 @@ std::vector<SilhouetteCamera> DetectorFrames::silhouette_cameras(
   }
   if (out.size() < needed()) out.clear();
   return out;
+}
+
+bool DetectorFrames::show_colors() const {
+  return std::ranges::any_of(fit_cameras_,
+                             [](const FitCamera& camera) { return has_colors(*camera.image); });
 }
 
 }  // namespace sightline::observe

@@ -58,6 +58,8 @@ class DetectorFrames {
 
   std::span<const SearchCamera> search_cameras() const { return search_cameras_; }
   std::span<const FitCamera> fit_cameras() const { return fit_cameras_; }
+  /// Whether any of them shows colors; those of gray cameras do not.
+  bool show_colors() const;
   /// Those whose foreground is known; none, if these are too few to believe a pose.
   std::vector<SilhouetteCamera> silhouette_cameras(const SearchDistances& distances) const;
 
@@ -71,7 +73,7 @@ class DetectorFrames {
   /// What the stages need of the i-th camera that takes part.
   void prepare(size_t i, bool focused);
 
-  const std::vector<DetectorCamera> cameras_;
+  std::vector<DetectorCamera> cameras_;  ///< those that turn: as in their newest frame
   const Duration max_age_;
   const double usual_speed_;
   const Executor executor_;

@@ -9,8 +9,9 @@
 #include "observe/detect/colors/mesh_colors.hpp"
 #include "observe/detect/contour_search.hpp"
 #include "observe/detect/detect_constants.hpp"
-#include "observe/detect/detection_judge.hpp"
 #include "observe/detect/detector_frames.hpp"
+#include "observe/detect/judge/detection_judge.hpp"
+#include "observe/detect/judge/weak_detections.hpp"
 #include "observe/detect/pose_fit.hpp"
 #include "observe/detect/pose_scan.hpp"
 #include "observe/detect/pose_verification.hpp"
@@ -37,7 +38,8 @@ class ObjectDetector::Impl {
         verification_(bank_, silhouettes_, executor),
         fitter_(model(), executor),
         contours_(bank_, silhouettes_, fitter_, executor),
-        judge_(object, options, model().center(), model().radius()) {}
+        judge_(object, options, model().center(), model().radius()),
+        weakly_found_(model().center(), model().radius()) {}
 
   void add_frame(CameraId camera, const Frame& frame, const ForegroundMap* foreground) {
     frames_.add(camera, frame, foreground);
@@ -320,7 +322,8 @@ class ObjectDetector::Impl {
                model().radius();
       });
     }
-    std::vector<ContourPose> poses = contours_.search(frames_, verified, colors, nullptr);
+    std::vector<ContourPose> poses =
+        contours_.search(frames_, std::move(verified), colors, nullptr);
     std::erase_if(poses, [&](const ContourPose& pose) {
       return !possible(pose.fit.motion.world_from_object);
     });
@@ -330,33 +333,46 @@ class ObjectDetector::Impl {
     return poses;
   }
 
-  // What stands out by little is believed when two searches have found it, or one where somebody
-  // said it is.
+  // What stands out by little is believed when several searches in a row have found it, or one
+  // where somebody said it is.
   Detection found_by_contour(const std::vector<ContourPose>& contours, Time time,
                              const ColorVerifier* colors) {
     Detection found;
     found.time = time;
-    if (contours.empty()) return found;
+    if (contours.empty()) {
+      weakly_found_.clear();
+      return found;
+    }
     const RigMotion& best = contours.front().fit.motion;
     const double agreement =
         colors != nullptr ? colors->correlation(best.world_from_object, best.twist, time) : 1;
     judge_.decide_by_contour(
-        frames_, contours, agreement < kFewColorsAgree ? kClearContourScore : kMinContourScore,
-        agreement < kNoColorsAgree ? kMaxContourRivalWithoutColors : kMaxContourRival, found);
+        frames_, contours, agreement < kFewColorsAgree ? kClearContourScore : kMinWeakScore,
+        agreement < kNoColorsAgree ? kMaxContourRivalWithoutColors : kMaxWeakRival, found);
+    if (found.poses.empty() && !frames_.show_colors()) decide_alone(contours, found);
+    const bool confirmed = weakly_found_.confirms(found);
     if (found.poses.empty()) return found;
     const double score = found.poses.front().evidence;
-    const bool clear = score - found.runner_up >= kClearContourMargin &&
-                       (agreement >= kColorsAgree ||
-                        (score >= kClearContourScore && agreement >= kFewColorsAgree));
-    const bool confirmed =
-        clear || as_told(found) || (weakly_found_ && consistent(*weakly_found_, found));
-    weakly_found_.reset();
-    if (!clear) weakly_found_ = found;
-    if (confirmed) return found;
+    const double enough = colors != nullptr ? kClearContourScore : kMinContourScore;
+    const bool clear = score >= enough && agreement >= kFewColorsAgree &&
+                       found.runner_up <= kMaxContourRival * score &&
+                       score - found.runner_up >= kClearContourMargin;
+    if (confirmed || clear || as_told(found)) {
+      weakly_found_.clear();
+      return found;
+    }
     Detection none;
     none.time = time;
-    none.runner_up = found.poses.front().evidence;
+    none.runner_up = score;
     return none;
+  }
+
+  // Without colors every score is low, of clutter too.
+  void decide_alone(const std::vector<ContourPose>& contours, Detection& found) const {
+    judge_.decide_by_contour(frames_, contours, kMinScoreAlone, kMaxRivalOfAlone, found);
+    if (!found.poses.empty() && found.poses.front().cameras >= 2) return;
+    found.poses.clear();
+    found.observations.clear();
   }
 
   bool same_place(const Detection& a, const Detection& b) const {
@@ -364,19 +380,6 @@ class ObjectDetector::Impl {
     const Rigid3 &one = a.poses.front().world_from_object, &two = b.poses.front().world_from_object;
     return center_distance(one, two) < kOtherPlace * model().radius() / 2 &&
            rotation_angle(one, two) < kSameFittedAngle;
-  }
-
-  // The object may have moved from one to the other.
-  bool consistent(const Detection& earlier, const Detection& now) const {
-    const double seconds = std::abs(to_seconds(now.time - earlier.time));
-    if (seconds > kMaxSecondsBetweenWeak) return false;
-    const Rigid3& pose = now.poses.front().world_from_object;
-    return std::any_of(earlier.poses.begin(), earlier.poses.end(), [&](const DetectedPose& other) {
-      const Rigid3& before = other.world_from_object;
-      return center_distance(before, pose) <
-                 kOtherPlace * model().radius() / 2 + kWeakSpeed * seconds &&
-             rotation_angle(before, pose) < kSameFittedAngle + kWeakTurnRate * seconds;
-    });
   }
 
   // Rivals of the best pose. What is symmetric then has them, although the search may have come
@@ -404,9 +407,9 @@ class ObjectDetector::Impl {
   const DetectionJudge judge_;
   std::optional<ColorTemplates> color_templates_;  ///< made when they are first asked for
   std::optional<SearchHint> hint_;                 ///< for the next detect()
-  std::vector<RigMotion> told_;            ///< what came nearest to such a pose, in these frames
-  bool everywhere_next_ = false;           ///< a search of the foreground has found nothing
-  std::optional<Detection> weakly_found_;  ///< by contours in the newest search, not yet believed
+  std::vector<RigMotion> told_;   ///< what came nearest to such a pose, in these frames
+  bool everywhere_next_ = false;  ///< a search of the foreground has found nothing
+  WeakDetections weakly_found_;   ///< by contours in the newest searches, not yet believed
 };
 
 Result<std::unique_ptr<ObjectDetector>> ObjectDetector::create(

@@ -5,30 +5,22 @@
 #include <cmath>
 #include <iterator>
 
+#include "observe/detect/colors/pose_pool.hpp"
 #include "observe/detect/detect_constants.hpp"
 
 namespace sightline::observe {
 namespace {
 
-// Half of them by score, half by the product of score and colors.
 void keep_best(std::vector<ScanHit>& hits, const ScanRange& range, const MeshColors& colors,
                size_t camera, size_t max) {
   if (hits.size() <= max) return;
-  const size_t half = max / 2;
-  std::vector<std::pair<float, size_t>> rest;
-  rest.reserve(hits.size());
-  for (size_t i = half; i < hits.size(); ++i) {
+  std::vector<float> colored(hits.size());
+  for (size_t i = max / 2; i < hits.size(); ++i) {
     const float agreement = colors.agreement(camera, template_pose(hits[i], range));
-    rest.emplace_back(static_cast<float>(hits[i].score) * std::max(0.0f, agreement), i);
+    colored[i] = static_cast<float>(hits[i].score) * std::max(0.0f, agreement);
   }
-  const auto end = rest.begin() + static_cast<ptrdiff_t>(std::min(max - half, rest.size()));
-  std::partial_sort(rest.begin(), end, rest.end(), [](const auto& a, const auto& b) {
-    return a.first > b.first || (a.first == b.first && a.second < b.second);
-  });
-  std::vector<ScanHit> kept(hits.begin(), hits.begin() + static_cast<ptrdiff_t>(half));
-  for (auto i = rest.begin(); i != end; ++i) kept.push_back(hits[i->second]);
-  std::stable_sort(kept.begin(), kept.end(),
-                   [](const ScanHit& a, const ScanHit& b) { return a.score > b.score; });
+  std::vector<ScanHit> kept;
+  for (const size_t i : best_halves(colored, max)) kept.push_back(hits[i]);
   hits = std::move(kept);
 }
 

@@ -72,7 +72,7 @@ CameraDistances camera_distances(const CalibratedCamera& camera,
   CameraDistances out;
   out.nearest = nearest;
   out.farthest = std::max(nearest, farthest_silhouette);
-  if (options.volume) out.image = image_of(*options.volume, camera);
+  if (options.volume && !camera.axes) out.image = image_of(*options.volume, camera);
   const double ratio = std::log(farthest / nearest) / std::log(kDistanceStep);
   const int steps = std::clamp(static_cast<int>(std::ceil(ratio)), 1, kMaxDistances);
   for (int i = 0; i < steps; ++i) {

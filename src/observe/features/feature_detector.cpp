@@ -77,6 +77,10 @@ class FeatureDetector::Impl {
       }
       seen.info = info;
       seen.fresh = true;
+      if (!info.place) continue;
+      CalibratedCamera turned = *seen.calibration;  // terms keep the one before
+      turned.world_from_camera = info.place->world_from_camera;
+      seen.calibration = std::make_shared<const CalibratedCamera>(std::move(turned));
     }
   }
 

@@ -6,6 +6,7 @@
 
 #include "observe/track/learned_appearance.hpp"
 #include "observe/track/model_tracker.hpp"
+#include "observe/track/silhouettes/picture_check.hpp"
 #include "observe/track/symmetry/symmetric_evidence.hpp"
 #include "observe/track/track_constants.hpp"
 #include "observe/track/tracker_camera.hpp"
@@ -25,6 +26,9 @@ using observe::TrackerCamera;
 constexpr Duration kCompare = std::chrono::milliseconds(200);
 constexpr Duration kCompareSoon = std::chrono::milliseconds(60);
 constexpr double kWeakTurn = 0.02;  // [rad]
+// The image around the object is checked so often: 0.4 ms each.
+constexpr Duration kCheckPicture = std::chrono::milliseconds(250);
+constexpr Duration kCheckAbsent = std::chrono::milliseconds(60);  // while it is not seen
 
 Status require(bool good, const char* name, const char* range) {
   if (good) return {};
@@ -80,7 +84,9 @@ class ObjectTracker::Impl {
   struct State {
     State(const TrackerCamera& camera, CameraId id, TrackedObject tracked)
         : object(std::move(tracked)), tracker(camera, object), appearance(camera, id, object) {
-      if (object.shape_symmetry.near_rotations.empty() || !object.silhouette) return;
+      if (!object.silhouette) return;
+      picture = std::make_unique<observe::PictureCheck>(camera, object);
+      if (object.shape_symmetry.near_rotations.empty()) return;
       silhouettes = std::make_unique<observe::SilhouetteComparison>(camera, object);
     }
     const TrackedObject object;
@@ -88,7 +94,9 @@ class ObjectTracker::Impl {
     LearnedAppearance appearance;
     /// Null: no other pose looks nearly the same.
     std::unique_ptr<observe::SilhouetteComparison> silhouettes;
-    Time compared{};  ///< the silhouettes, last
+    Time compared{};                                 ///< the silhouettes, last
+    std::unique_ptr<observe::PictureCheck> picture;  ///< null: without silhouettes
+    Time checked{};                                  ///< the picture, last
     TrackResult last;
   };
 
@@ -98,6 +106,7 @@ class ObjectTracker::Impl {
            frame.info().height == model.height();
   }
   void gather_occluders(ObjectId object, Time time, std::span<const PoseTrackPtr> tracks);
+  static void check_picture(State& state, const Frame& frame, const Rigid3& pose, Observation& out);
   void track(State& state, const Frame& frame, const PoseAt& at, Observation& out);
 
   CameraId id_;
@@ -121,6 +130,23 @@ void ObjectTracker::Impl::gather_occluders(ObjectId object, Time time,
           {camera_.camera_from_world * (at.estimate.world_from_object * other.views->center()),
            other.views->radius()});
     }
+  }
+}
+
+// Now and then: does the image show the whole object, and no more of it? An object that is not
+// seen where it has to be is missing altogether.
+void ObjectTracker::Impl::check_picture(State& state, const Frame& frame, const Rigid3& pose,
+                                        Observation& out) {
+  const Time now = frame.info().capture;
+  const Duration pause = state.last.seen ? kCheckPicture : kCheckAbsent;
+  if (!state.picture || now - state.checked < pause) return;
+  state.checked = now;
+  const observe::ColorReader image(frame.i420());
+  const observe::Occluders& occluders = state.tracker.outline().occluders();
+  if (state.last.seen) {
+    out.picture = state.picture->examine(image, pose, occluders);
+  } else if (state.picture->must_show(image, pose, occluders)) {
+    out.picture = PictureAgreement{0, 1};
   }
 }
 
@@ -149,6 +175,8 @@ void ObjectTracker::Impl::track(State& state, const Frame& frame, const PoseAt& 
     state.last.seen = false;  // an outline that fits something else, or too little of the object
     out.terms.clear();
   }
+  check_picture(state, frame, state.last.seen ? measured.fitted : at.estimate.world_from_object,
+                out);
   if (!state.last.seen) {
     appearance.note_missed(at.estimate);
     return;

@@ -70,7 +70,9 @@ std::vector<std::optional<Rigid3>> watched_places(const Installation& installati
   std::vector<std::optional<Rigid3>> places;
   for (const CameraConfig& camera : installation.cameras) {
     places.emplace_back();
-    if (observes(camera.role)) places.back() = camera.calibration.world_from_camera;
+    // One that turns stands where its angles say.
+    if (observes(camera.role) && !camera.calibration.axes)
+      places.back() = camera.calibration.world_from_camera;
   }
   return places;
 }
@@ -79,10 +81,28 @@ std::unique_ptr<CalibrationWatch> make_calibration_watch(const Installation& ins
                                                          const Rig& rig) {
   auto places = watched_places(installation);
   const auto watched = std::ranges::count_if(places, [](const auto& p) { return p.has_value(); });
-  if (!installation.watch.enabled || watched < 2) return nullptr;
+  const auto fewest = installation.watch.background ? 1 : 2;
+  if (!installation.watch.enabled || watched < fewest) return nullptr;
   std::vector<ShapeSymmetry> symmetry = rig.shape_symmetry();
   symmetry.resize(rig.objects.size());
   return std::make_unique<CalibrationWatch>(std::move(places), std::move(symmetry));
+}
+
+std::string unfit_words(std::span<const std::string> names, std::span<const CameraWatch> watches,
+                        size_t camera) {
+  const std::string words = "its picture does not fit its calibration";
+  const CameraWatch& watch = watches[camera];
+  if (watch.looks_like.empty()) {
+    return watch.zoom != 1
+               ? fmt::format("{}: everything is {:.3f} times as large: another lens or zoom?",
+                             words, watch.zoom)
+               : words + ": another camera, another lens, or turned far away";
+  }
+  for (size_t i = 0; i < std::min(watches.size(), names.size()); ++i) {
+    if (names[i] != watch.looks_like || watches[i].looks_like != names[camera]) continue;
+    return fmt::format("{}: {} and {} look exchanged", words, names[camera], watch.looks_like);
+  }
+  return fmt::format("{}: it is what camera {} has seen", words, watch.looks_like);
 }
 
 std::string correction_words(const CameraWatch& watch) {

@@ -11,6 +11,10 @@ namespace {
 /// Appends `rows` rows of `bytes` each, `stride` apart, and returns where the next plane starts.
 const uint8_t* append_rows(const uint8_t* from, ptrdiff_t stride, ptrdiff_t bytes, int rows,
                            std::vector<uint8_t>& out) {
+  if (stride == bytes) {
+    out.insert(out.end(), from, from + bytes * rows);
+    return from + rows * stride;
+  }
   for (int y = 0; y < rows; ++y) {
     const uint8_t* row = from + y * stride;
     out.insert(out.end(), row, row + bytes);

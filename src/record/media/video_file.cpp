@@ -81,6 +81,12 @@ Status VideoFile::start(const AVCodecParameters& parameters, double rate_hz, Con
     // Of each cluster: most of what it costs to write raw images, and no reader asks for it.
     av_dict_set(&options, "write_crc32", "0", 0);
   }
+  large_ = parameters.codec_id == AV_CODEC_ID_RAWVIDEO;
+  if (!mp4 && large_) {
+    // An image a cluster, and no buffer between it and the system.
+    av_dict_set(&options, "cluster_size_limit", "1024", 0);
+    io_->direct = 1;
+  }
   code = avformat_write_header(format_, &options);
   av_dict_free(&options);
   started_ = code >= 0;
@@ -108,6 +114,7 @@ Status VideoFile::write(std::span<const uint8_t> bytes, Duration since_start, bo
   const int64_t ms = std::chrono::duration_cast<std::chrono::milliseconds>(since_start).count();
   last_ms_ = std::max(last_ms_ + 1, ms);
   av_packet_unref(packet_.get());
+  if (large_) file_.reserve(size_ + 2 * static_cast<int64_t>(bytes.size()));
   // Not counted, so not copied: av_write_frame() is done with the bytes when it returns.
   packet_->data = const_cast<uint8_t*>(bytes.data());
   packet_->size = static_cast<int>(bytes.size());

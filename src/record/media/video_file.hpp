@@ -51,6 +51,7 @@ class VideoFile {
   av::PacketPtr packet_;
   bool started_ = false;          ///< the head is written
   bool cut_ = false;              ///< a part of a fragment is of no use
+  bool large_ = false;            ///< raw images
   int64_t size_ = 0, whole_ = 0;  ///< [bytes] written, and of these up to the last flush
   int64_t last_ms_ = -1;
 };

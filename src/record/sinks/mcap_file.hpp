@@ -27,6 +27,10 @@ class McapFile {
   void append(uint16_t channel, int64_t utc_ns, std::string_view json);
   /// Writes what was appended as a chunk.
   Status flush();
+  /// Bytes that wait for the next flush().
+  size_t pending() const { return records_.size(); }
+  /// What was flushed. [bytes]
+  uint64_t size() const { return size_; }
   Status sync() { return file_.sync(); }
   /// Writes the index. Only the first call does something.
   Status close();

@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "record/recording_folder.hpp"
 #include "record/sinks/mcap_file.hpp"
+#include "record/sinks/video_channels.hpp"
 #include "sightline/record/recording_sink.hpp"
 
 namespace sightline {
@@ -37,6 +41,9 @@ constexpr std::string_view kEstimateSchema = R"({"title":"sightline.Pose","type"
 "sigma_r_deg":{"type":"number"},"reasons":{"type":"array","items":{"type":"string"}},
 "cameras":{"type":"array","items":{"type":"string"}},
 "covariance":{"type":"array","items":{"type":"number"}}}})";
+
+// A chunk is made in memory, and read as a whole.
+constexpr size_t kLargestChunk = size_t{4} << 20;
 
 Json timestamp(int64_t utc_ns) {
   return {{"sec", utc_ns / 1'000'000'000}, {"nsec", utc_ns % 1'000'000'000}};
@@ -79,6 +86,20 @@ class PoseMcap {
     file_->append(tf_, message.utc_ns, transform.dump());
   }
 
+  bool append(const ViewPacket& packet) {
+    const bool taken = video_.append(*file_, packet);
+    if (taken && !video_since_) video_since_ = packet.packet.capture;
+    return taken;
+  }
+
+  /// Whether it is to go on in another file before this is appended: video at a key frame.
+  bool is_full(const ViewingOptions& limits, const ViewPacket* packet) const {
+    const bool large = file_->size() + file_->pending() > limits.segment_bytes;
+    if (!video_since_) return large;
+    if (packet == nullptr || !packet->packet.keyframe) return false;
+    return large || packet->packet.capture - *video_since_ >= limits.segment;
+  }
+
   McapFile& file() { return *file_; }
 
  private:
@@ -94,19 +115,32 @@ class PoseMcap {
   const std::unique_ptr<McapFile> file_;
   uint16_t tf_ = 0, pose_ = 0, estimate_ = 0;
   std::map<std::string, Channels> objects_;
+  VideoChannels video_;
+  std::optional<Time> video_since_;
 };
 
 class PosesWriter final : public RecordingSink {
  public:
-  PosesWriter(std::unique_ptr<PoseLogWriter> csv, std::unique_ptr<PoseMcap> mcap)
-      : csv_(std::move(csv)), mcap_(std::move(mcap)) {}
+  PosesWriter(fs::path folder, ViewingOptions parts, std::unique_ptr<PoseLogWriter> csv,
+              std::unique_ptr<PoseMcap> mcap)
+      : folder_(std::move(folder)), parts_(parts), csv_(std::move(csv)), mcap_(std::move(mcap)) {}
   ~PosesWriter() override { (void)close(); }
 
   Status append(const PoseMessage& message) override {
+    if (status_ && csv_) status_ = csv_->append(message.row);
+    go_on_in_another(nullptr);
     if (!status_) return status_;
-    if (csv_) status_ = csv_->append(message.row);
     if (mcap_) mcap_->append(message);
     ++written_;
+    return status_;
+  }
+
+  Status append(const ViewPacket& packet) override {
+    go_on_in_another(&packet);
+    if (status_ && mcap_ && mcap_->append(packet)) ++written_;
+    if (status_ && mcap_ && mcap_->file().pending() > kLargestChunk) {
+      status_ = mcap_->file().flush();
+    }
     return status_;
   }
 
@@ -127,15 +161,31 @@ class PosesWriter final : public RecordingSink {
   uint64_t written() const override { return written_; }
 
  private:
+  void go_on_in_another(const ViewPacket* packet) {
+    if (!status_ || !mcap_ || !mcap_->is_full(parts_, packet)) return;
+    status_ = mcap_->file().close();
+    if (!status_) return;
+    auto next = PoseMcap::create(folder_ / fmt::format("poses-{:04}.mcap", ++part_));
+    if (next) {
+      mcap_ = *std::move(next);
+    } else {
+      status_ = next.error();
+    }
+  }
+
+  const fs::path folder_;
+  const ViewingOptions parts_;
   const std::unique_ptr<PoseLogWriter> csv_;
-  const std::unique_ptr<PoseMcap> mcap_;
+  std::unique_ptr<PoseMcap> mcap_;
+  int part_ = 1;
   Status status_;
   uint64_t written_ = 0;
 };
 
 }  // namespace
 
-Result<std::unique_ptr<RecordingSink>> make_poses_writer(const fs::path& folder, PoseFiles files) {
+Result<std::unique_ptr<RecordingSink>> make_poses_writer(const fs::path& folder, PoseFiles files,
+                                                         const ViewingOptions& parts) {
   SL_RETURN_IF_ERROR(make_recording_folder(folder));
   std::unique_ptr<PoseLogWriter> csv;
   std::unique_ptr<PoseMcap> mcap;
@@ -146,7 +196,7 @@ Result<std::unique_ptr<RecordingSink>> make_poses_writer(const fs::path& folder,
     SL_ASSIGN(mcap, PoseMcap::create(folder / "poses.mcap"));
   }
   return std::unique_ptr<RecordingSink>(
-      std::make_unique<PosesWriter>(std::move(csv), std::move(mcap)));
+      std::make_unique<PosesWriter>(folder, parts, std::move(csv), std::move(mcap)));
 }
 
 }  // namespace sightline

@@ -15,6 +15,7 @@
 #include "render/overlay/surface_painter.hpp"
 #include "render/overlay/text/text_layer.hpp"
 #include "sightline/base/check.hpp"
+#include "sightline/render/raster/turning_depth.hpp"
 
 namespace sightline {
 
@@ -26,6 +27,17 @@ constexpr Yuv kWhite{235, 128, 128};
 
 bool shows_lines_in_space(const OverlayObject& object) {
   return object.style.box3d || object.style.axes;
+}
+
+std::string_view notice_of(AxesState state) {
+  switch (state) {
+    case AxesState::kFrozen:
+      return "angles frozen";
+    case AxesState::kZoomed:
+      return "zoomed";
+    default:
+      return "angles unknown";
+  }
 }
 
 std::vector<const OverlayStyle*> styles_of(std::span<const OverlayObject> objects) {
@@ -41,11 +53,13 @@ class CameraRenderer::Impl {
  public:
   Impl(CalibratedCamera calibrated, CameraId camera_id, std::vector<OverlayObject> shown,
        std::shared_ptr<const RayTable> rays, std::shared_ptr<const StaticDepth> scene,
-       std::shared_ptr<const RasterDevice> device, const RenderOptions& options, TextLayer text)
+       std::shared_ptr<const RasterDevice> device, const RenderOptions& options, TextLayer text,
+       std::shared_ptr<TurningDepth> turning)
       : id(camera_id),
         objects(std::move(shown)),
         camera_(std::move(calibrated)),
         options_(options),
+        turning_(std::move(turning)),
         rays_(std::move(rays)),
         subjects_(camera_, objects, options_),
         occluders_(std::move(scene), *rays_),
@@ -58,14 +72,21 @@ class CameraRenderer::Impl {
     SL_CHECK(tracks.size() == objects.size(), "one track per object");
     SL_CHECK(target.width() == camera_.model.width() && target.height() == camera_.model.height(),
              "the image has the camera's size");
+    if (hints.place != nullptr) turn_to(*hints.place);
     occluders_.begin(hints.hidden, std::ranges::any_of(objects, shows_lines_in_space));
     text_.begin();
     notice_ = hints.notice;
-    subjects_.read(capture, tracks, poses);
+    const bool blind = hints.place != nullptr && !hints.place->trusted();
+    if (blind) {
+      subjects_.read_none(capture, tracks, poses);
+      if (notice_.empty()) notice_ = notice_of(hints.place->state);
+    } else {
+      subjects_.read(capture, tracks, poses);
+    }
     for (const Subject& subject : subjects_.all()) draw_object(target, subject, capture);
     for (size_t i = 0; i < objects.size(); ++i) {
       if (poses[i].source == PoseSource::kNone) {
-        draw_absent(target, i, poses[i].estimate.state, capture);
+        draw_absent(target, i, poses[i].estimate.state, capture, !blind);
       }
     }
     text_.draw(target);
@@ -75,6 +96,12 @@ class CameraRenderer::Impl {
   const std::vector<OverlayObject> objects;
 
  private:
+  void turn_to(const CameraPlace& place) {
+    camera_.world_from_camera = place.world_from_camera;
+    subjects_.camera_moved();
+    if (turning_ && place.trusted()) turning_->turn_to(place.world_from_camera);
+  }
+
   void draw_object(const FrameTarget& target, const Subject& subject, Time capture) {
     const OverlayStyle& style = subject.style();
     if (style.trail) {
@@ -126,9 +153,10 @@ class CameraRenderer::Impl {
   }
 
   /// "searching" and "lost" in the corner, one line an object; and where it was last, if asked.
-  void draw_absent(const FrameTarget& target, size_t i, TrackState state, Time capture) {
+  void draw_absent(const FrameTarget& target, size_t i, TrackState state, Time capture,
+                   bool place_known) {
     const OverlayStyle& style = objects[i].style;
-    if (style.last_seen && state == TrackState::kLost && subjects_.last_drawn(i)) {
+    if (place_known && style.last_seen && state == TrackState::kLost && subjects_.last_drawn(i)) {
       draw_last_seen(target, i, *subjects_.last_drawn(i), capture);
     }
     if (style.status) text_.add_status(i, status_text(objects[i].name, state, notice_));
@@ -146,8 +174,9 @@ class CameraRenderer::Impl {
                      extent_of(*circle));
   }
 
-  const CalibratedCamera camera_;
+  CalibratedCamera camera_;  // one that turns: as in the newest frame
   const RenderOptions options_;
+  const std::shared_ptr<TurningDepth> turning_;  // null: the scene stands still
   const std::shared_ptr<const RayTable> rays_;
   FrameSubjects subjects_;
   Occluders occluders_;
@@ -163,7 +192,7 @@ CameraRenderer::~CameraRenderer() = default;
 Result<std::unique_ptr<CameraRenderer>> CameraRenderer::create(
     const CalibratedCamera& camera, CameraId id, std::vector<OverlayObject> objects,
     std::shared_ptr<const RayTable> rays, std::shared_ptr<const StaticDepth> static_depth,
-    const RenderOptions& options) {
+    const RenderOptions& options, std::shared_ptr<TurningDepth> turning) {
   SL_RETURN_IF_ERROR(check_parts(camera, rays.get(), static_depth.get(), options));
   for (const OverlayObject& object : objects) {
     SL_RETURN_IF_ERROR(check_object(object, camera.name));
@@ -171,9 +200,9 @@ Result<std::unique_ptr<CameraRenderer>> CameraRenderer::create(
   SL_ASSIGN(auto device, RasterDevice::open(options.backend));
   SL_ASSIGN(auto text, TextLayer::create(styles_of(objects), options.font_file,
                                          camera.model.width(), camera.model.height()));
-  auto impl =
-      std::make_unique<Impl>(camera, id, std::move(objects), std::move(rays),
-                             std::move(static_depth), std::move(device), options, std::move(text));
+  auto impl = std::make_unique<Impl>(camera, id, std::move(objects), std::move(rays),
+                                     std::move(static_depth), std::move(device), options,
+                                     std::move(text), std::move(turning));
   return std::unique_ptr<CameraRenderer>(new CameraRenderer(std::move(impl)));
 }
 

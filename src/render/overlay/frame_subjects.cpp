@@ -29,6 +29,20 @@ void FrameSubjects::read(Time capture, std::span<const PoseTrackPtr> tracks,
   }
 }
 
+void FrameSubjects::read_none(Time capture, std::span<const PoseTrackPtr> tracks,
+                              std::vector<PoseAt>& poses) {
+  poses.resize(objects_.size());
+  subjects_.clear();
+  for (size_t i = 0; i < objects_.size(); ++i) {
+    const PoseTrack* const track = tracks[i].get();
+    poses[i] = {};
+    poses[i].estimate.object = objects_[i].id;
+    poses[i].estimate.time = capture;
+    poses[i].estimate.state =
+        track != nullptr && !track->empty() ? track->newest().state : TrackState::kSearching;
+  }
+}
+
 void FrameSubjects::read_pose(size_t i, Time capture, const PoseTrack* track, PoseAt& pose) {
   if (track != nullptr) {
     pose = track->at(capture);

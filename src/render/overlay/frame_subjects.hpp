@@ -20,6 +20,11 @@ class FrameSubjects {
   /// Fills `poses`, one per object. What it gives lies there and in the tracks.
   void read(Time capture, std::span<const PoseTrackPtr> tracks, std::vector<PoseAt>& poses);
 
+  /// The same where nobody knows where the camera looks: no object has a pose.
+  void read_none(Time capture, std::span<const PoseTrackPtr> tracks, std::vector<PoseAt>& poses);
+  /// The camera stands elsewhere from now on.
+  void camera_moved() { camera_from_world_ = camera_.world_from_camera.inverse(); }
+
   /// From far to near.
   std::span<const Subject> all() const { return subjects_; }
   /// The last estimate that the object was drawn at, if it ever was.
@@ -36,7 +41,7 @@ class FrameSubjects {
   const CalibratedCamera& camera_;
   const std::span<const OverlayObject> objects_;
   const RenderOptions& options_;
-  const Rigid3 camera_from_world_;
+  Rigid3 camera_from_world_;
   std::vector<Subject> subjects_;
   std::vector<std::optional<PoseEstimate>> last_;  ///< by object
 };

@@ -28,21 +28,28 @@ std::shared_ptr<const StaticDepth> StaticDepth::build(const std::shared_ptr<cons
                                                       std::span<const SceneMesh> meshes,
                                                       std::span<const float> depth) {
   const std::shared_ptr<StaticDepth> scene(new StaticDepth);
-  scene->tile_.reset({0, 0, rays->even_width(), rays->even_height()});
   MeshRasterizer rasterizer(rays);
+  scene->draw(rasterizer, *rays, world_from_camera, meshes, depth);
+  return scene;
+}
+
+void StaticDepth::draw(MeshRasterizer& rasterizer, const RayTable& rays,
+                       const Rigid3& world_from_camera, std::span<const SceneMesh> meshes,
+                       std::span<const float> depth) {
+  tile_.reset({0, 0, rays.even_width(), rays.even_height()});
   const Rigid3 camera_from_world = world_from_camera.inverse();
   for (const SceneMesh& part : meshes) {
     SL_CHECK(part.mesh != nullptr, "a scene mesh is set");
     const Status drawn =
-        rasterizer.draw(*part.mesh, camera_from_world * part.world_from_mesh, scene->tile_);
+        rasterizer.draw(*part.mesh, camera_from_world * part.world_from_mesh, tile_);
     SL_CHECK(drawn.has_value(), "the CPU rasterizer does not fail");
   }
-  if (!depth.empty()) add_depth(*rays, depth, scene->tile_);
-  for (int y = 0; y < scene->height() && scene->empty_; ++y) {
-    const float* const row = scene->row(y);
-    scene->empty_ = std::all_of(row, row + scene->width(), [](float z) { return z == 0; });
+  if (!depth.empty()) add_depth(rays, depth, tile_);
+  empty_ = true;
+  for (int y = 0; y < height() && empty_; ++y) {
+    const float* const line = row(y);
+    empty_ = std::all_of(line, line + width(), [](float z) { return z == 0; });
   }
-  return scene;
 }
 
 }  // namespace sightline

@@ -133,6 +133,11 @@ class Capture(Recorded):
                   os.path.join(self.recording, "calibration.toml"), "--out", self.path("world.toml"))
         for camera in self.calibration(self.path("world.toml")).values():
             self.assertAlmostEqual(camera["world_from_camera"][2][3], 0.53, delta=0.15)  # above the floor
+        # It was not moved, so that there is no axis.
+        _, error = sightline("calibrate", "world", os.path.join(out, "corners.csv"), "--motion", "x", "--calibration",
+                             self.path("world.toml"), "--out", self.path("turned.toml"), status=2)
+        self.assertIn("at 1 places, 5 or more are needed", error)
+        self.assertFalse(os.path.exists(self.path("turned.toml")))
 
     def test_too_early_it_says_what_is_missing(self):
         out = self.path("out")
@@ -193,6 +198,56 @@ class Capture(Recorded):
         self.assertIn("corners in the fit", again)
         _, error = sightline(*arguments, "--target", board, "--out", self.path("no"), status=2)
         self.assertIn("nothing tells it from the ChArUco board", error)
+
+    def test_cameras_without_a_calibration_are_recorded_and_solved_from_that(self):
+        out, config = self.path("recorded"), self.rig()
+        _, said = sightline("record", "--config", config, out, "--seconds", "12")
+        self.assertIn("no calibration yet: images are recorded, without poses", said)
+        self.assertEqual(sorted(os.listdir(out)), ["frames.csv", "left.mkv", "recording.toml", "right.mkv"])
+        rows = read_text(os.path.join(out, "frames.csv")).strip().split("\n")[1:]
+        for camera in ("left", "right"):
+            self.assertGreater(sum(row.startswith(camera + ",") for row in rows), 60, camera)
+        # Each is played by a clock of its own, and the target moves between its poses.
+        said, _ = sightline("calibrate", "solve", out, "--target", self.target(), "--time-offsets", "--out", self.path("solved"))
+        self.assertEqual(set(self.calibration(os.path.join(self.path("solved"), "calibration.toml"))), {"left", "right"})
+        # At once, not when each camera has sent something.
+        _, error = sightline("record", "--config", config, out, "--seconds", "1", status=2)
+        self.assertIn("recordings are never overwritten", error)
+        # A camera that is not there is named, and no folder is left.
+        config = self.write("rig.toml", '[[camera]]\nname = "gone"\nsource = "v4l2:/dev/video-none"\n')
+        _, error = sightline("record", "--config", config, self.path("none"), "--seconds", "1", status=3)
+        self.assertIn("nothing was recorded", error)
+        self.assertFalse(os.path.exists(self.path("none")))
+
+    def test_late_stamps_of_a_moving_board_are_recovered(self):
+        """A board that is never held still, before two cameras; the stamps of one are wrong by what is known."""
+        late_s = 0.024
+        recording = self.path("moved")
+        subprocess.run([os.path.join(BIN, "make_board_recording"), recording, "--moving"], check=True, timeout=4 * WAIT_S)
+        path = os.path.join(recording, "frames.csv")
+        rows = [line.split(",") for line in read_text(path).strip().split("\n")]
+        capture = rows[0].index("capture_ns")
+        for row in rows[1:]:
+            if row[0] == "right":  # its images were taken later than it says
+                row[capture] = str(int(row[capture]) - round(late_s * 1e9))
+        with open(path, "w", encoding="utf-8") as file:
+            file.write("".join(",".join(row) + "\n" for row in rows))
+        out = self.path("out")
+        said, _ = sightline("calibrate", "capture", "--config", self.rig(recording=recording), "--target",
+                            os.path.join(recording, "board.toml"), "--out", out, "--moving", "--json")
+        report = json.loads(read_text(os.path.join(out, "report.json")))
+        cameras = {camera["name"]: camera for camera in report["cameras"]}
+        calibrated = self.calibration(os.path.join(out, "calibration.toml"))
+        offset = calibrated["right"].get("time_offset_s", 0) - calibrated["left"].get("time_offset_s", 0)
+        self.assertAlmostEqual(offset, late_s, delta=0.005)
+        for name in ("left", "right"):
+            self.assertLess(cameras[name]["held_out_px"], 1.0, said)
+        # Corners carry their motion: that is what offsets are found by.
+        with open(os.path.join(out, "corners.csv"), encoding="utf-8") as file:
+            rows = [line.strip().split(",") for line in file if not line.startswith("#")]
+        head = next(row for row in rows if "du" in row)
+        motion = [math.hypot(float(row[head.index("du")]), float(row[head.index("dv")])) for row in rows if row[0].isdigit()]
+        self.assertGreater(sorted(motion)[len(motion) // 2], 5)
 
     def test_a_moving_board_in_rendered_footage(self):
         recording = os.path.join(SHARED, "bench-calibration")

@@ -2,11 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The watch over the cameras' places in a running daemon. The recording's calibration is exact, so a copy of it with one
 camera turned is the same to the daemon as a camera that was turned the other way."""
+import http.server
 import json
 import math
 import os
 import re
+import subprocess
 import sys
+import threading
+import time
 import tomllib
 import unittest
 
@@ -40,6 +44,45 @@ def error_deg(a, b):
         poses = [list(map(float, row.split(",")[2:5])) for row in file.readlines()[1:]]
     differences = [math.dist(direction(a, point), direction(b, point)) for point in poses]
     return math.degrees(sorted(differences)[len(differences) // 2])
+
+
+def still(camera):
+    """The first image of a camera of the recording as JPEG."""
+    done = subprocess.run(["ffmpeg", "-nostdin", "-loglevel", "error", "-i", f"{BENCH}/{camera}.mkv", "-frames:v", "1",
+                           "-q:v", "2", "-f", "mjpeg", "-"], capture_output=True, check=True, timeout=60)
+    return done.stdout
+
+
+class StillCamera:
+    """A network camera that sends the same image ten times a second, until it is given another."""
+
+    def __init__(self, image):
+        self.image, owner = image, self
+
+        class Handler(http.server.BaseHTTPRequestHandler):
+            def do_GET(self):
+                self.send_response(200)
+                self.send_header("Content-Type", "multipart/x-mixed-replace; boundary=cut")
+                self.end_headers()
+                try:
+                    while True:
+                        image = owner.image
+                        self.wfile.write(b"--cut\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n%s\r\n"
+                                         % (len(image), image))
+                        time.sleep(0.1)
+                except OSError:
+                    pass  # nobody listens any more
+
+            def log_message(self, *_):
+                pass
+
+        self.server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        self.port = self.server.server_address[1]
+        threading.Thread(target=self.server.serve_forever, daemon=True).start()
+
+    def close(self):
+        self.server.shutdown()
+        self.server.server_close()
 
 
 class Watch(DaemonCase):
@@ -136,6 +179,72 @@ class Watch(DaemonCase):
         self.wait_for_state(daemon, "side", "in_order")
         truth = places(f"{BENCH}/calibration.toml")["side"]
         self.assertLess(error_deg(places(calibration)["side"], truth), 0.2 * TURN_DEG)
+
+    def rooms(self):
+        folder = self.path("sightline")
+        names = [name for name in os.listdir(folder) if name.startswith("rooms_")] if os.path.exists(folder) else []
+        return os.path.join(folder, names[0]) if names else ""
+
+    def exchanged(self):
+        swapped = {"left": "right", "right": "left"}
+        text = installation()
+        for camera, other in swapped.items():
+            text = text.replace(f'name = "{camera}"\n', f'name = "{camera}"\nrecorded_as = "{other}"\n')
+        return text
+
+    def test_exchanged_cameras_are_named_also_after_a_restart(self):
+        daemon = self.start()
+        for camera in ("left", "right", "side"):
+            wait_until(lambda: (daemon.find_metric("sightline_camera_room_patches", camera=camera) or 0) > 8,
+                       f"{camera} knows its room")
+        wait_until(lambda: self.rooms() and os.path.getsize(self.rooms()) > 20000, "the rooms are kept")
+        self.assertNotIn("does not fit", daemon.log_text())
+        self.assertEqual(daemon.stop(), 0)
+        daemon = self.start(self.exchanged())
+        for camera, other in (("left", "right"), ("right", "left")):
+            self.wait_for_state(daemon, camera, "unfit")
+            wait_until(lambda: f"camera {camera}: its picture does not fit its calibration: {camera} and {other} look exchanged"
+                       in daemon.log_text(), "both are named")
+            self.assertEqual(self.verdict(daemon, camera)["looks_like"], other)
+            self.assertEqual(self.verdict(daemon, camera)["vote"], 0)
+            self.assertEqual(daemon.metric("sightline_camera_calibration_state", camera=camera), 5)
+        self.assertNotEqual(self.verdict(daemon, "side")["state"], "unfit")
+        # Plugged in as they were.
+        self.assertTrue(self.reload(daemon, installation()))
+        for camera in ("left", "right"):
+            self.wait_for_state(daemon, camera, "in_order")
+
+    def test_a_camera_whose_picture_is_back_is_said_to_be_in_order_again(self):
+        cameras = {name: StillCamera(still(name)) for name in ("left", "right")}
+        for camera in cameras.values():
+            self.addCleanup(camera.close)
+        text = f'calibration = "{BENCH}/calibration.toml"\n[rtsp]\nport = 0\n[http]\nport = 0\n'
+        text += f'[[object]]\nfile = "{BENCH}/objects/carton.toml"\n'
+        for name, camera in cameras.items():
+            text += f'[[camera]]\nname = "{name}"\nsource = "http://127.0.0.1:{camera.port}/video"\n'
+        daemon = self.start(text)
+        for name in cameras:
+            wait_until(lambda: (daemon.find_metric("sightline_camera_room_patches", camera=name) or 0) > 8,
+                       f"{name} knows its room")
+            self.wait_for_state(daemon, name, "in_order")
+        cameras["right"].image = cameras["left"].image
+        self.wait_for_state(daemon, "right", "unfit")
+        wait_until(lambda: "camera right: its picture does not fit" in daemon.log_text(), "it is said")
+        self.assertNotIn("agrees with its calibration again", daemon.log_text())
+        cameras["right"].image = still("right")
+        wait_until(lambda: "camera right: agrees with its calibration again" in daemon.log_text(), "that is said, too")
+        self.assertEqual(daemon.log_text().count("agrees with its calibration again"), 1)
+
+    def test_a_damaged_file_of_rooms_is_made_anew(self):
+        os.makedirs(self.path("sightline"), exist_ok=True)
+        daemon = self.start()
+        wait_until(self.rooms, "the rooms are kept")
+        self.assertEqual(daemon.stop(), 0)
+        with open(self.rooms(), "wb") as file:
+            file.write(b"SLSCENE1 and nothing that follows from it")
+        daemon = self.start()
+        self.assertIn("is damaged: what the cameras saw of their room is learned anew", daemon.log_text())
+        wait_until(lambda: os.path.getsize(self.rooms()) > 10000, "it is made anew")
 
     def test_it_can_be_turned_off(self):
         daemon = self.start(installation(extra="[watch]\nenabled = false\n"))

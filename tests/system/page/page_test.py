@@ -44,8 +44,8 @@ class Page(DaemonCase):
         browser = self.open(daemon, "?theme=light", width=1360)
         self.live(browser)
         self.assertEqual(browser.run("document.title"), "test – Sightline")
-        for camera in ("left", "right", "side"):
-            self.assertTrue(self.plays(browser, camera), f"{camera} by WebRTC")
+        for camera in ("left", "right", "side"):  # on a busy machine pictures may come first: video is tried again
+            wait_until(lambda camera=camera: self.plays(browser, camera), f"{camera} plays by WebRTC")
             self.assertGreater(browser.run(COLORS.format(camera, "video")), 100)
         played = "document.querySelector('[data-camera=side] video').getVideoPlaybackQuality().totalVideoFrames"
         before = browser.run(played)
@@ -185,6 +185,24 @@ class Page(DaemonCase):
         wait_until(lambda: "carton: forgotten" in daemon.log_text(), "the daemon says so")
         # A refused order is an error of the network to the browser, and nothing else is.
         self.assertEqual([problem for problem in browser.problems if "400" not in problem], [])
+
+    def test_the_events_are_the_daemons_also_those_before_the_page(self):
+        daemon = self.start(installation(cameras=("left", "right")) + '[[camera]]\nname = "side"\nsource = "v4l2:/dev/video-of-nobody"\n')
+        wait_until(lambda: "carton: found" in daemon.log_text(), "it has something to tell")
+        self.assertFalse(self.reload(daemon, "nonsense = 1"))
+        browser = self.open(daemon, width=390, height=844)
+        events = "document.getElementById('events')"
+        for said in ("carton: found", "video-of-nobody", "warning .*side", "error reload refused.*nonsense"):
+            browser.wait_for(f"/{said}/s.test({events}.textContent)", f"{said} is listed")
+        times = browser.run(f"[...{events}.children].map((line) => +line.dataset.time)")
+        self.assertEqual(times, sorted(times, reverse=True))
+        self.assertTrue(self.reload(daemon, installation()))
+        browser.wait_for(f"/reload: /.test({events}.firstElementChild.textContent + {events}.textContent)", "what happens now comes, too")
+        self.assertLessEqual(browser.run("document.documentElement.scrollWidth"), 390)
+        self.shot(browser, "events", whole=True)
+        browser.call("Page.reload")
+        browser.wait_for(f"/error reload refused/.test({events}?.textContent ?? '')", "another page sees the same")
+        self.assertEqual(browser.problems, [])
 
     def test_a_reload_changes_the_page_and_a_refused_one_is_told(self):
         daemon = self.start()

@@ -120,7 +120,7 @@ class Rig(DaemonCase):
         browser.go(f"http://127.0.0.1:{daemon.http}/")
         browser.wait_for("document.querySelectorAll('.places .chip.good').length === 3", "the cameras are in order")
         browser.wait_for("document.querySelector('#calibration a').checkVisibility()", "the report can be read")
-        browser.wait_for(f"/carton entered here/.test({EVENTS})", "the zone is an event")
+        browser.wait_for(f"/carton: entered here/.test({EVENTS})", "the zone is an event")
         self.assertIn(self.config, browser.run("document.querySelector('#configuration').textContent"))
         self.write("sightline.toml", "nonsense = 1")
         browser.run("document.querySelector('#configuration button').click()")

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The clients that users copy, against a running daemon: Python, C++, and how the ROS bridge turns covariances; and
 poses.mcap, read by a reader of ours and by @mcap/core where that is installed."""
+import base64
 import json
 import os
 import random
@@ -141,6 +142,41 @@ class Mcap(DaemonCase):
                               timeout=WAIT_S, check=False, env=dict(os.environ, NODE_PATH=NODE_MODULES))
         self.assertEqual(done.returncode, 0, done.stderr)
         return json.loads(done.stdout)
+
+    def test_video_is_in_the_log_if_asked_for(self):
+        os.mkdir(self.path("recordings"))
+        daemon = self.start(installation(
+            extra='[record]\nkinds = ["poses"]\nposes = "mcap"\nposes_video = true\n'
+                  f'directory = "{self.path("recordings")}"\n'))
+        client = Client(daemon.http)
+        encoded = lambda: sum(daemon.find_metric("sightline_images_encoded_total", camera=c) or 0 for c in ("left", "right"))
+        wait_until(lambda: "translation_m" in daemon.state()["objects"][0], "the carton is tracked")
+        self.assertEqual(encoded(), 0)  # nobody watches, nothing is logged
+        self.assertEqual(client.post("/api/v1/recordings/start", {"kinds": ["poses"]})[0], 202)
+        wait_until(lambda: encoded() > 100, "the log has the streams encoded")
+        self.assertEqual(client.post("/api/v1/recordings/stop", {})[0], 202)
+        self.assertEqual(daemon.stop(), 0)
+        path = self.path("recordings", os.listdir(self.path("recordings"))[0], "poses.mcap")
+        with open(path, "rb") as file:
+            data = file.read()
+        messages = [json.loads(content[22:]) for opcode, content in mcap_records(data[8:-8]) if opcode == 5]
+        for camera in ("left", "right", "side"):
+            video = [m for m in messages if m.get("format") == "h264" and m["frame_id"] == camera]
+            self.assertEqual(set(video[0]), {"timestamp", "frame_id", "format", "data"})
+            stream = b"".join(base64.b64decode(m["data"], validate=True) for m in video)
+            self.assertEqual(stream[:4], b"\0\0\0\1")
+            # An independent decoder takes every packet for one image, from the first on.
+            with open(self.path(f"{camera}.h264"), "wb") as file:
+                file.write(stream)
+            seen = subprocess.run(["ffprobe", "-v", "error", "-count_frames", "-select_streams", "v:0", "-show_entries",
+                                   "stream=nb_read_frames,width,height", "-of", "csv=p=0", self.path(f"{camera}.h264")],
+                                  capture_output=True, text=True, timeout=WAIT_S, check=True)
+            self.assertEqual((seen.stdout.strip(), seen.stderr), (f"640,480,{len(video)}", ""))
+        read = self.by_node(path, whole=True)
+        if read is None:
+            self.skipTest("no independent reader: npm install --prefix build/npm @mcap/core")
+        self.assertEqual(read["bad"], 0)
+        self.assertEqual(read["schemas"]["/cameras/left/video"], "foxglove.CompressedVideo")
 
     def test_a_finished_file_is_read_by_its_index(self):
         path, rows = self.record(kill=False)

@@ -5,10 +5,11 @@ import os
 import subprocess
 import time
 
-from guest import ENVIRONMENT, PREFIX, Service, ask, check, figures, finish, flat, mount_product, say, until
+from guest import ENVIRONMENT, PREFIX, Service, ask, check, figures, finish, flat, mount_product, program, say, until
 
 CYCLES = int(os.environ.get("SIGHTLINE_VM_CYCLES", "20"))
 WARM_UP = 16  # of each camera: the allocator's last step comes after some 20 reopenings, then the memory stays
+FORMATS = ('format = "YUYV"', 'format = "MJPEG"')
 PORTS = {"plain": ("usb0", "A0"), "jpeg": ("usb1", "B0")}
 LIMIT_KB = 3072
 
@@ -132,6 +133,19 @@ def swap(service):
     check("put back, both come back", service.same_process())
 
 
+def first_installation(service):
+    say("== sightline init")
+    done = program("sightline", "init", "--out", "/tmp/init.toml")
+    say(done.stdout + done.stderr)
+    with open("/tmp/init.toml", encoding="utf-8") as file:
+        text = file.read()
+    check("both webcams are in it, once each", text.count("[[camera]]") == 2 and text.count('source = "v4l2:') == 2)
+    check("in formats that they offer", len([line for line in text.splitlines() if line in FORMATS]) == 2)
+    check("it is accepted", program("sightline", "check", "/tmp/init.toml").returncode == 0)
+    for name in PORTS:
+        service.comes(name)
+
+
 def main():
     mount_product()
     service = Service({
@@ -149,6 +163,7 @@ def main():
         service.comes(name)
     check("two webcams at once, at their rate", all(8 < service.camera(name)["rate_hz"] < 12 for name in PORTS) or
           until(lambda: all(8 < service.camera(name)["rate_hz"] < 12 for name in PORTS), "the rate settles") > 0)
+    first_installation(service)
     damage(service)
     stall(service)
     swap(service)

@@ -16,6 +16,7 @@ inline Observation make_observation(const FrameInfo& info, CameraId camera, Obje
   out.sequence = info.sequence;
   out.capture = info.capture;
   out.capture_error = info.capture_error;
+  if (info.place) out.calibration_covariance = info.place->covariance;
   return out;
 }
 

@@ -87,7 +87,8 @@ struct TrackedObject {
   SurfaceSamples samples = {};        ///< the mesh's colors, to tell them apart; null: none
   bool printed = false;  ///< they are those of a print: where it does not show, the object is not
   PrintRendererFactory print = {};  ///< then, for its corners; empty: without
-  /// Of a coarser mesh, to compare poses that look nearly the same; empty: without.
+  /// Of a coarser mesh, to compare poses that look nearly the same and to check the image around
+  /// the object; empty: without.
   DepthRendererFactory silhouette = {};
 };
 

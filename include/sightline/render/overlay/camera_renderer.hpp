@@ -11,6 +11,7 @@
 #include "sightline/base/ids.hpp"
 #include "sightline/base/result.hpp"
 #include "sightline/base/time.hpp"
+#include "sightline/geometry/axis_history.hpp"
 #include "sightline/geometry/camera_model.hpp"
 #include "sightline/image/planes.hpp"
 #include "sightline/model/occlusion_depth.hpp"
@@ -24,6 +25,7 @@ class LevelOfDetail;
 class RayTable;
 struct RenderMesh;
 class StaticDepth;
+class TurningDepth;
 
 /// One object as one camera shows it.
 struct OverlayObject {
@@ -56,6 +58,9 @@ struct RenderOptions {
 struct FrameHints {
   const OcclusionDepth* hidden = nullptr;  ///< hides objects like the static scene
   std::string_view notice{};               ///< what every label says beside; one line
+  /// Where the camera stood, if it turns; null: where its calibration says. Where it may not be
+  /// trusted no object is drawn, and the corner names its state.
+  const CameraPlace* place = nullptr;
 };
 
 /// Draws the overlay of one camera: asks each track for the pose at the frame's own capture time,
@@ -64,14 +69,15 @@ struct FrameHints {
 /// first frames of each object nothing allocates.
 class CameraRenderer {
  public:
-  /// `static_depth` may be null: then nothing is hidden. Refused: a ray table or static depth of
+  /// `static_depth` may be null: then nothing is hidden. It is that of `turning`, if there is one:
+  /// then it is turned to the place of each frame. Refused: a ray table or static depth of
   /// another size than the camera, an object without mesh, style numbers out of range, a font that
   /// cannot be read (only asked for if a style writes text). kUnavailable: backend kEgl without
   /// EGL.
   static Result<std::unique_ptr<CameraRenderer>> create(
       const CalibratedCamera& camera, CameraId id, std::vector<OverlayObject> objects,
       std::shared_ptr<const RayTable> rays, std::shared_ptr<const StaticDepth> static_depth,
-      const RenderOptions& options);
+      const RenderOptions& options, std::shared_ptr<TurningDepth> turning = nullptr);
   ~CameraRenderer();
   CameraRenderer(const CameraRenderer&) = delete;
   CameraRenderer& operator=(const CameraRenderer&) = delete;

@@ -11,6 +11,8 @@
 
 namespace sightline {
 
+class MeshRasterizer;
+
 /// A mesh of the scene that does not move.
 struct SceneMesh {
   const RenderMesh* mesh = nullptr;
@@ -40,7 +42,11 @@ class StaticDepth {
   const RasterTile& tile() const { return tile_; }
 
  private:
+  friend class TurningDepth;
   StaticDepth() = default;
+  void draw(MeshRasterizer& rasterizer, const RayTable& rays, const Rigid3& world_from_camera,
+            std::span<const SceneMesh> meshes, std::span<const float> depth);
+
   RasterTile tile_;
   bool empty_ = true;
 };

@@ -8,6 +8,7 @@ namespace sightline::observe {
 namespace {
 
 constexpr size_t kMaxSpots = 64;    // of a view
+constexpr float kFewSpots = 3;      // that tell colors apart count half
 constexpr float kMinSeen = 0.75f;   // of them, in the image
 constexpr float kMinFacing = 0.3f;  // cosine between normal and line of sight
 constexpr float kNoColor = 0.5f;    // [levels^2] variance of a channel that is not there
@@ -57,12 +58,26 @@ ColorTemplates::ColorTemplates(const TemplateBank& bank, std::span<const Surface
       mean += color / static_cast<float>(count);
     }
     for (Spot& spot : spots) spot.color -= mean;
-    views_.push_back(std::move(spots));
+    const float weight = weight_of(spots);
+    views_.push_back({std::move(spots), weight});
   }
 }
 
+// By the effective number of spots that differ from the mean (participation ratio of their squared
+// distances): all of them where the colors share the surface, few where one stands out.
+float ColorTemplates::weight_of(std::span<const Spot> spots) {
+  float sum = 0, squares = 0;
+  for (const Spot& spot : spots) {
+    const float away = spot.color.square().sum();
+    sum += away;
+    squares += away * away;
+  }
+  const float effective = squares > 0 ? sum * sum / squares : 0;
+  return effective / (effective + kFewSpots);
+}
+
 float ColorTemplates::correlation(const WeakPerspectivePose& pose, const ColorMap& map) const {
-  const std::vector<Spot>& spots = views_[pose.view];
+  const auto& [spots, weight] = views_[pose.view];
   const float c = std::cos(pose.turn) * pose.scale, s = std::sin(pose.turn) * pose.scale;
   Eigen::Array4f a = Eigen::Array4f::Zero(), b = a, ab = a, aa = a, bb = a;
   float seen = 0;
@@ -83,7 +98,7 @@ float ColorTemplates::correlation(const WeakPerspectivePose& pose, const ColorMa
   const Eigen::Array4f has = (shown > kNoColor * seen).cast<float>();
   const float painted = ((aa - a.square() / seen) * has).sum();
   const float scale = std::sqrt(std::max(0.0f, painted * (shown * has).sum()));
-  return scale > 1e-3f ? ((ab - a * b / seen) * has).sum() / scale : 0;
+  return scale > 1e-3f ? weight * ((ab - a * b / seen) * has).sum() / scale : 0;
 }
 
 }  // namespace sightline::observe

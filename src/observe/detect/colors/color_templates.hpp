@@ -33,7 +33,8 @@ class ColorTemplates {
   ColorTemplates(const TemplateBank& bank, std::span<const SurfaceSample> samples);
 
   /// Correlation of the view's colors and the image, all channels together, each about its own
-  /// mean, -1 .. 1; 0 where too little of it is in the image.
+  /// mean, -1 .. 1; nearer to 0 where it rests on few spots (a dark knob on a bright body is found
+  /// everywhere), 0 where too little of it is in the image.
   float correlation(const WeakPerspectivePose& pose, const ColorMap& map) const;
 
  private:
@@ -41,7 +42,13 @@ class ColorTemplates {
     float x, y;            ///< relative to the center [m]
     Eigen::Array4f color;  ///< Y'CbCr about the mean of the view, and 0
   };
-  std::vector<std::vector<Spot>> views_;
+  static float weight_of(std::span<const Spot> spots);
+
+  struct Colors {
+    std::vector<Spot> spots;
+    float weight = 0;  ///< 0 .. 1, by how many of the spots tell colors apart
+  };
+  std::vector<Colors> views_;
 };
 
 }  // namespace sightline::observe

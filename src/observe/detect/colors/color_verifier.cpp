@@ -22,7 +22,10 @@ class ColorVerifier::Impl {
 
   void add_frame(CameraId camera, const Frame& frame) {
     for (size_t i = 0; i < cameras_.size(); ++i) {
-      if (cameras_[i].id == camera) frames_[i].store(frame, cameras_[i].calibration.model);
+      CalibratedCamera& calibration = cameras_[i].calibration;
+      if (cameras_[i].id != camera || !frames_[i].store(frame, calibration.model)) continue;
+      const CameraPlacePtr& place = frame.info().place;
+      if (place) calibration.world_from_camera = place->world_from_camera;
     }
   }
 
@@ -104,8 +107,8 @@ class ColorVerifier::Impl {
   }
 
   const std::vector<SurfaceSample> samples_;
-  const std::vector<DetectorCamera> cameras_;
-  std::vector<HalfSizeFrame> frames_;  ///< newest, by camera
+  std::vector<DetectorCamera> cameras_;  ///< those that turn: as in their newest frame
+  std::vector<HalfSizeFrame> frames_;    ///< newest, by camera
 };
 
 Result<std::unique_ptr<ColorVerifier>> ColorVerifier::create(std::vector<SurfaceSample> samples,

@@ -7,6 +7,18 @@
 
 namespace sightline::observe {
 
+std::vector<double> color_weights(std::span<const double> agreement) {
+  std::vector<double> out(agreement.size(), 1.0);
+  if (agreement.empty()) return out;
+  const double best = *std::max_element(agreement.begin(), agreement.end());
+  if (best < kLeastColors) return out;
+  for (size_t i = 0; i < out.size(); ++i) {
+    const double lacks = (best - agreement[i] - kSameColors) / kOtherColors;
+    out[i] -= kOtherColorsPenalty * std::clamp(lacks, 0.0, 1.0);
+  }
+  return out;
+}
+
 void weigh_by_colors(const ColorVerifier& colors, Time time, std::vector<ContourPose>& poses) {
   if (poses.empty()) return;
   const double least = kComparedByColors * poses.front().score;
@@ -16,12 +28,8 @@ void weigh_by_colors(const ColorVerifier& colors, Time time, std::vector<Contour
     const RigMotion& motion = pose.fit.motion;
     agreement.push_back(colors.correlation(motion.world_from_object, motion.twist, time));
   }
-  const double best = *std::max_element(agreement.begin(), agreement.end());
-  if (best < kLeastColors) return;
-  for (size_t i = 0; i < agreement.size(); ++i) {
-    const double lacks = (best - agreement[i] - kSameColors) / kOtherColors;
-    poses[i].score *= 1 - kOtherColorsPenalty * std::clamp(lacks, 0.0, 1.0);
-  }
+  const std::vector<double> weights = color_weights(agreement);
+  for (size_t i = 0; i < weights.size(); ++i) poses[i].score *= weights[i];
   std::stable_sort(poses.begin(), poses.end(),
                    [](const ContourPose& a, const ContourPose& b) { return a.score > b.score; });
 }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 #include <set>
 
 namespace sightline::observe {
@@ -57,28 +58,39 @@ std::vector<JointPose> thinned(std::span<const JointPose> poses, const Eigen::Ve
   return out;
 }
 
+std::vector<size_t> best_halves(std::span<const float> colored, size_t max) {
+  std::vector<size_t> kept(colored.size());
+  std::iota(kept.begin(), kept.end(), size_t{0});
+  if (colored.size() <= max) return kept;
+  const auto rest = kept.begin() + static_cast<ptrdiff_t>(max / 2);
+  const auto end = kept.begin() + static_cast<ptrdiff_t>(max);
+  std::partial_sort(rest, end, kept.end(), [&](size_t a, size_t b) {
+    return colored[a] > colored[b] || (colored[a] == colored[b] && a < b);
+  });
+  kept.erase(end, kept.end());
+  std::sort(rest, kept.end());
+  return kept;
+}
+
 void keep_best(std::vector<JointPose>& poses, size_t max) {
   sort_by_score(poses);
   if (poses.size() <= max) return;
-  if (any_agrees(poses)) {
-    std::stable_sort(poses.begin() + static_cast<ptrdiff_t>(max / 2), poses.end(),
-                     better_with_colors);
-  }
-  poses.resize(max);
-  sort_by_score(poses);
+  std::vector<float> colored;
+  for (const JointPose& pose : poses) colored.push_back(static_cast<float>(with_colors(pose)));
+  std::vector<JointPose> kept;
+  for (const size_t i : best_halves(colored, max)) kept.push_back(poses[i]);
+  poses = std::move(kept);
 }
 
-std::vector<JointPose> best_of_cells(std::span<const JointPose> poses,
-                                     const Eigen::Vector3d& center, double place_step,
-                                     double angle_step, size_t max) {
-  std::vector<JointPose> sorted(poses.begin(), poses.end());
-  sort_by_score(sorted);
-  const bool colored = any_agrees(sorted);
+std::vector<JointPose> best_of_cells(std::vector<JointPose> poses, const Eigen::Vector3d& center,
+                                     double place_step, double angle_step, size_t max) {
+  sort_by_score(poses);
+  const bool colored = any_agrees(poses);
   std::vector<JointPose> out =
-      thinned(sorted, center, place_step, angle_step, colored ? max / 2 : max);
+      thinned(poses, center, place_step, angle_step, colored ? max / 2 : max);
   if (!colored) return out;
-  std::stable_sort(sorted.begin(), sorted.end(), better_with_colors);
-  for (const JointPose& pose : thinned(sorted, center, place_step, angle_step, max / 2)) {
+  std::stable_sort(poses.begin(), poses.end(), better_with_colors);
+  for (const JointPose& pose : thinned(poses, center, place_step, angle_step, max / 2)) {
     out.push_back(pose);
   }
   return out;

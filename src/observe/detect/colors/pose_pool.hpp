@@ -21,14 +21,17 @@ void sort_by_score(std::vector<JointPose>& poses);
 std::vector<JointPose> thinned(std::span<const JointPose> poses, const Eigen::Vector3d& center,
                                double place_step, double angle_step, size_t max);
 
-/// Keeps `max` of them, sorted by score: the best by score; where colors of the mesh agree with
-/// some, half of them are the best by the product of both. So colors that are not those of the
-/// object cost half of the places.
+/// Which `max` to keep of what is sorted by score, the best first; in that order. `colored`: the
+/// product of score and colors, for each; it is not asked of the first half of `max`. Those are the
+/// best by score; where colors of the mesh agree with any other (a product above 0), the rest are
+/// the best by the product. So colors that are not those of the object cost half of the places.
+std::vector<size_t> best_halves(std::span<const float> colored, size_t max);
+
+/// Keeps `max` of them, sorted by score: best_halves().
 void keep_best(std::vector<JointPose>& poses, size_t max);
 
 /// The same of many, thinned(): first those by score.
-std::vector<JointPose> best_of_cells(std::span<const JointPose> poses,
-                                     const Eigen::Vector3d& center, double place_step,
-                                     double angle_step, size_t max);
+std::vector<JointPose> best_of_cells(std::vector<JointPose> poses, const Eigen::Vector3d& center,
+                                     double place_step, double angle_step, size_t max);
 
 }  // namespace sightline::observe

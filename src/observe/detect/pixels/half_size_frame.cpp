@@ -5,6 +5,22 @@
 
 namespace sightline::observe {
 
+bool has_colors(const HalfSizeImage& image) {
+  constexpr int kStep = 8, kTint = 6;  // [pixels, levels] noise of compressed video is less
+  for (size_t plane = 1; plane < 3; ++plane) {
+    int least = 255, most = 0;
+    for (int y = 0; y < image.height; y += kStep) {
+      const uint8_t* row = image.row(plane, y);
+      for (int x = 0; x < image.width; x += kStep) {
+        least = std::min<int>(least, row[x]);
+        most = std::max<int>(most, row[x]);
+      }
+    }
+    if (most - least > kTint) return true;
+  }
+  return false;
+}
+
 bool HalfSizeFrame::store(const Frame& frame, const CameraModel& camera) {
   if (frame.info().status == FrameStatus::kDamaged || frame.info().width != camera.width() ||
       frame.info().height != camera.height())

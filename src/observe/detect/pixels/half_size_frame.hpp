@@ -23,6 +23,9 @@ struct HalfSizeImage {
   PlaneView view(size_t plane) const { return {planes[plane].data(), width, height, width}; }
 };
 
+/// Whether it shows more than grays of one tint.
+bool has_colors(const HalfSizeImage& image);
+
 /// A camera's newest frame at half size: a copy, so that the frame's buffer can go back.
 struct HalfSizeFrame {
   FrameInfo info;

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+
+#include "config/toml_reader.hpp"
+#include "sightline/config/installation.hpp"
+
+namespace sightline::config {
+
+/// [publish].
+void read_publish(TomlTable& root, const std::filesystem::path& path,
+                  const InstallationFiles& files, Installation& installation);
+
+/// [cell]. Its host is this machine's name unless the file gives one.
+void read_cell(TomlTable& root, const std::filesystem::path& path, const InstallationFiles& files,
+               Installation& installation);
+/// Of a camera: whether it is another host's. Notes where that has no meaning.
+bool is_remote(TomlTable& camera, const Installation& installation, std::string& host);
+/// After the cameras: whether their hosts fit the role.
+void check_cell(TomlTable& root, Installation& installation);
+
+}  // namespace sightline::config

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "sightline/observe/terms/detection.hpp"
+
+namespace sightline::observe {
+
+/// What the newest searches have found that stands out by too little to be believed alone. Clutter
+/// is taken for the object here and there; the object is where it was, or moves steadily.
+class WeakDetections {
+ public:
+  /// `center` (object frame) and `radius` of the object [m].
+  WeakDetections(const Eigen::Vector3d& center, double radius) : center_(center), radius_(radius) {}
+
+  /// Adds what a search has found (no pose: nothing), and says whether it is believed now: two in a
+  /// row that each stand out by score or from what is best elsewhere, or three, at places that fit
+  /// steady motion. Nothing is remembered then.
+  bool confirms(const Detection& found);
+  void clear() { row_.clear(); }
+
+ private:
+  bool follows(const Detection& found) const;
+  bool consistent(const Detection& earlier, const Detection& now) const;
+  bool steady(const Detection& first, const Detection& second, const Detection& now) const;
+  Eigen::Vector3d place(const Detection& found) const;
+
+  Eigen::Vector3d center_;
+  double radius_;
+  std::vector<Detection> row_;  ///< of searches in a row, the newest last
+};
+
+}  // namespace sightline::observe
