@@ -67,8 +67,9 @@ HttpReply Daemon::restyle(const std::function<Status(Installation&)>& change) {
 
 HttpReply Daemon::accept_calibration(const std::vector<std::string>& cameras) {
   const auto system = system_.read();
-  const auto proposal =
-      system->calibration ? system->calibration->proposal() : std::filesystem::path();
+  const auto proposal = system->calibration && system->calibration->has_proposed()
+                            ? system->calibration->proposal()
+                            : std::filesystem::path();
   std::error_code error;
   if (proposal.empty() || !std::filesystem::exists(proposal, error)) {
     return HttpReply::error(404, "no camera is known to have moved: nothing is proposed");

@@ -204,8 +204,11 @@ void CalibrationKeeper::propose(const std::vector<CameraWatch>& watches) {
       std::ranges::any_of(watches, [](const CameraWatch& w) { return is_wrong(w.state); });
   const Waiting waiting("the disk");
   if (!wrong) {
+    // Also what a run before this one left, once every camera is known to be in order.
+    const bool in_order = std::ranges::all_of(
+        watches, [](const CameraWatch& w) { return w.state == CalibrationState::kInOrder; });
     std::error_code error;
-    if (proposed_) std::filesystem::remove(options_.proposal, error);
+    if (proposed_ || in_order) std::filesystem::remove(options_.proposal, error);
     proposed_ = false;
     return;
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <atomic>
 #include <condition_variable>
 #include <filesystem>
 #include <functional>
@@ -36,7 +37,10 @@ class CalibrationKeeper {
 
   /// False: the disk takes longer than that, and the thread is left.
   bool stop_unless_waiting(Duration patience);
+  /// Where a proposed calibration is, or will be. Any thread.
   const std::filesystem::path& proposal() const { return options_.proposal; }
+  /// True while this run has one there: what an earlier one left may be long put right. Any thread.
+  bool has_proposed() const { return proposed_; }
 
  private:
   static constexpr Duration kPatience = std::chrono::seconds(1);
@@ -63,7 +67,8 @@ class CalibrationKeeper {
   const Installation installation_;
   const std::shared_ptr<FusionWorker> fusion_;
   std::vector<Camera> cameras_;  // by CameraId
-  bool proposed_ = false, failed_ = false, recovered_ = false, rooms_failed_ = false;
+  std::atomic<bool> proposed_ = false;
+  bool failed_ = false, recovered_ = false, rooms_failed_ = false;
   bool light_changed_ = false;
   Time next_proposal_{}, next_rooms_{};
   uint64_t kept_rooms_ = 0;  ///< version that the file has

@@ -92,7 +92,8 @@ class Daemon:
         self.notify.settimeout(0.05)
         self.words = []
         self.log_path = os.path.join(folder, "daemon.log")
-        environment = dict(os.environ, NOTIFY_SOCKET=self.notify_path)
+        # What another daemon of the same rig has left (a proposed calibration, rooms, last poses) is not this one's.
+        environment = {"XDG_STATE_HOME": os.path.join(folder, "state"), **os.environ, "NOTIFY_SOCKET": self.notify_path}
         if watchdog_us:
             environment["WATCHDOG_USEC"] = str(watchdog_us)
         self.log = open(self.log_path, "w", encoding="utf-8")

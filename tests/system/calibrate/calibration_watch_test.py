@@ -93,7 +93,7 @@ class Watch(DaemonCase):
     def installation_with(self, calibration, extra=""):
         return installation(extra=extra).replace(f"{BENCH}/calibration.toml", calibration)
 
-    def turned_calibration(self, camera):
+    def turned_calibration(self, camera, name="calibration.toml"):
         """The calibration with this camera turned about its vertical axis."""
         angle = math.radians(TURN_DEG)
         turn = [[math.cos(angle), 0, math.sin(angle), 0], [0, 1, 0, 0], [-math.sin(angle), 0, math.cos(angle), 0],
@@ -102,7 +102,7 @@ class Watch(DaemonCase):
         before, rest = text.split(f'name = "{camera}"')
         matrix = product(places(f"{BENCH}/calibration.toml")[camera], turn)
         rest = re.sub(r"world_from_camera = \[\n(.*\n){4}\]", f"world_from_camera = {matrix}", rest, count=1)
-        return self.write("calibration.toml", f'{before}name = "{camera}"{rest}')
+        return self.write(name, f'{before}name = "{camera}"{rest}')
 
     def verdict(self, daemon, camera):
         return next(c for c in daemon.state()["cameras"] if c["name"] == camera).get("calibration", {})
@@ -120,6 +120,28 @@ class Watch(DaemonCase):
             self.assertEqual(daemon.metric("sightline_camera_vote_ratio", camera=camera), 1)
         self.wait_for_metric(daemon, "sightline_camera_calibration_state", 1)
         self.assertNotIn("knocked", daemon.log_text())
+
+    def proposal_of(self, calibration):
+        """The file of a proposal for this calibration: named by the FNV-1a hash of its text."""
+        value = 14695981039346656037
+        for byte in read_text(calibration).encode():
+            value = (value ^ byte) * 1099511628211 % 2**64
+        return self.path("sightline", f"proposed_calibration_{value:016x}.toml")
+
+    def test_what_an_earlier_run_has_proposed_is_not_accepted_when_the_camera_is_back(self):
+        calibration = self.write("calibration.toml", read_text(f"{BENCH}/calibration.toml"))
+        left_over = self.proposal_of(calibration)
+        os.makedirs(os.path.dirname(left_over))
+        with open(self.turned_calibration("side", "turned.toml"), encoding="utf-8") as turned, \
+                open(left_over, "w", encoding="utf-8") as file:
+            file.write(turned.read())
+        daemon = self.start(self.installation_with(calibration))
+        status, answer = Client(daemon.http).post("/api/v1/calibration/accept")
+        self.assertEqual(status, 404, answer)
+        for camera in ("left", "right", "side"):
+            self.wait_for_state(daemon, camera, "in_order")
+        wait_until(lambda: not os.path.exists(left_over), "what does not hold any more is taken away")
+        self.assertEqual(read_text(calibration), read_text(f"{BENCH}/calibration.toml"))
 
     def test_a_turned_camera_is_flagged_and_its_place_accepted(self):
         calibration = self.turned_calibration("side")
