@@ -17,6 +17,7 @@ namespace {
 
 // The contrast that a fit may tell is another one than that of contours.
 constexpr FitEffort kFullFit{8, kSampleStep, false};
+constexpr FitEffort kFollowingFit{8, kSampleStep, false, true};
 constexpr FitEffort kQuickFit{5, kScreenedStep, false};
 
 void note(DetectionTrace* trace, const char* name, const std::vector<JointPose>& poses) {
@@ -119,9 +120,10 @@ ContourPose ContourSearch::scored(const DetectorFrames& frames, PoseFit fit,
   const ViewpointModel& model = bank_.model();
   ContourPose out{std::move(fit), {}, 0};
   for (size_t i = 0; i < frames.size(); ++i) {
-    const FitCamera& camera = frames.fit_cameras()[i];
+    const Rigid3 here = out.fit.motion.at(frames.fit_cameras()[i].seconds);
+    const FitCamera& camera = fitter_.look(frames.fit_cameras()[i], here);
     const CameraModel& lens = camera.camera->model;
-    const Rigid3 camera_from_object = camera.camera_from_world * out.fit.motion.at(camera.seconds);
+    const Rigid3 camera_from_object = camera.camera_from_world * here;
     const auto pixel = lens.project(camera_from_object * model.center());
     out.cameras.push_back(-1);
     if (!pixel || pixel->x() < 0 || pixel->y() < 0 || pixel->x() >= lens.width() ||
@@ -154,7 +156,7 @@ std::vector<ContourPose> ContourSearch::fit(const DetectorFrames& frames,
 
 std::vector<ContourPose> ContourSearch::fit(const DetectorFrames& frames,
                                             std::span<const RigMotion> starts) const {
-  std::vector<ContourPose> fits = fit(frames, starts, kSearchReach, kFullFit);
+  std::vector<ContourPose> fits = fit(frames, starts, kSearchReach, kFollowingFit);
   reorient(frames, fits, nullptr);
   return fits;
 }
@@ -288,7 +290,7 @@ void ContourSearch::reorient(const DetectorFrames& frames, std::vector<ContourPo
                              const MeshColors* mesh_colors) const {
   if (fits.empty() || fits.front().score < kMinReoriented) return;
   const ContourPose best = fits.front();
-  const ColorSilhouettes colors(frames, bank_.model(), best.fit.motion, best.cameras);
+  const ColorSilhouettes colors(frames, bank_.model(), fitter_, best.fit.motion, best.cameras);
   const Eigen::Vector3d center = best.fit.motion.world_from_object * bank_.model().center();
   std::vector<RigMotion> starts;
   for (const JointPose& pose :

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -26,6 +27,10 @@ class DetectorFrames {
  public:
   DetectorFrames(std::vector<DetectorCamera> cameras, const DetectorOptions& options,
                  Executor executor = run_serially);
+
+  /// From the next frames on: where an object of this width [m] may be small in the image of a
+  /// camera (kSmallObjectPx), FitCamera::magnified shows it at full size.
+  void magnify_where_small(const SearchDistances& distances, double width);
 
   /// See ObjectDetector::add_frame().
   void add(CameraId camera, const Frame& frame, const ForegroundMap* foreground);
@@ -58,6 +63,7 @@ class DetectorFrames {
 
   std::span<const SearchCamera> search_cameras() const { return search_cameras_; }
   std::span<const FitCamera> fit_cameras() const { return fit_cameras_; }
+  const HalfSizeImage& image(size_t i) const { return slots_[active_[i]].frame.image; }
   /// Whether any of them shows colors; those of gray cameras do not.
   bool show_colors() const;
   /// Those whose foreground is known; none, if these are too few to believe a pose.
@@ -66,8 +72,9 @@ class DetectorFrames {
  private:
   struct Slot {
     HalfSizeFrame frame;
-    ForegroundMap foreground;
+    ForegroundMap foreground, magnified_foreground;
     bool has_foreground = false;
+    std::optional<CalibratedCamera> magnified;
   };
   size_t needed() const;
   /// What the stages need of the i-th camera that takes part.
@@ -82,11 +89,11 @@ class DetectorFrames {
   SearchWork work_;
   Time newest_{};
   std::vector<size_t> active_;  ///< cameras that take part; what follows is by these
-  std::vector<EdgeImage> edges_;
+  std::vector<EdgeImage> edges_, magnified_edges_;
   std::vector<RegionBorders> borders_;
-  std::vector<std::vector<uint8_t>> masks_;
+  std::vector<std::vector<uint8_t>> masks_, magnified_masks_;
   std::vector<SearchCamera> search_cameras_;
-  std::vector<FitCamera> fit_cameras_;
+  std::vector<FitCamera> fit_cameras_, magnified_cameras_;
 };
 
 }  // namespace sightline::observe

@@ -39,7 +39,9 @@ class ObjectDetector::Impl {
         fitter_(model(), executor),
         contours_(bank_, silhouettes_, fitter_, executor),
         judge_(object, options, model().center(), model().radius()),
-        weakly_found_(model().center(), model().radius()) {}
+        weakly_found_(model().center(), model().radius()) {
+    frames_.magnify_where_small(distances_, fitter_.width());
+  }
 
   void add_frame(CameraId camera, const Frame& frame, const ForegroundMap* foreground) {
     frames_.add(camera, frame, foreground);
@@ -259,7 +261,7 @@ class ObjectDetector::Impl {
   }
 
   void fit_and_judge(std::span<const RigMotion> starts, std::vector<JudgedPose>& judged) const {
-    for (PoseFit& fit : fitter_.fit(frames_.fit_cameras(), starts, kSearchReach)) {
+    for (PoseFit& fit : fitter_.fit(frames_.fit_cameras(), starts, kSearchReach, {.moved = true})) {
       if (!possible(fit.motion.world_from_object)) continue;
       judged.push_back(judge_.judge(std::move(fit)));
     }
@@ -270,7 +272,7 @@ class ObjectDetector::Impl {
     if (colors == nullptr) return nullptr;
     if (!color_templates_) color_templates_.emplace(bank_, colors->samples());
     std::vector<const HalfSizeImage*> images;
-    for (const FitCamera& camera : frames_.fit_cameras()) images.push_back(camera.image);
+    for (size_t i = 0; i < frames_.size(); ++i) images.push_back(&frames_.image(i));
     return std::make_unique<const MeshColors>(bank_, *color_templates_, frames_.search_cameras(),
                                               images, executor_);
   }

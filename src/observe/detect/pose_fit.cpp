@@ -13,9 +13,30 @@
 #include "observe/terms/robust_loss.hpp"
 
 namespace sightline::observe {
+namespace {
+
+double mean_width(const ViewpointModel& model) {
+  double sum = 0;
+  for (size_t i = 0; i < model.size(); ++i) sum += static_cast<double>(model.view(i).area);
+  return std::sqrt(sum / static_cast<double>(model.size()));
+}
+
+}  // namespace
 
 PoseFitter::PoseFitter(const ViewpointModel& model, Executor executor)
-    : model_(model), executor_(std::move(executor)), rotations_(principal_rotations(model)) {}
+    : model_(model),
+      executor_(std::move(executor)),
+      width_(mean_width(model)),
+      rotations_(principal_rotations(model)) {}
+
+const FitCamera& PoseFitter::look(const FitCamera& camera, const Rigid3& world_from_object) const {
+  if (camera.magnified == nullptr) return camera;
+  const Rigid3 camera_from_object = camera.camera_from_world * world_from_object;
+  const double distance = (camera_from_object * model_.center()).norm();
+  return camera.camera->model.parameters().fx * width_ < kSmallObjectPx * distance
+             ? *camera.magnified
+             : camera;
+}
 
 /// Where the object is before one camera, and how its lines are looked for.
 struct PoseFitter::Placement {
@@ -44,7 +65,8 @@ void PoseFitter::add_line(const Placement& at, const Eigen::Vector3d& point,
               weak_edge(*camera.edges, sample->pixel + *distance * sample->normal, sample->normal);
   }
   if (!distance) return;
-  if (is_edge && std::abs(*distance) <= kAgreementPx) ++out.agreeing;
+  const double near = camera.is_magnified ? kMagnifiedAgreementPx : kAgreementPx;
+  if (is_edge && std::abs(*distance) <= near) ++out.agreeing;
   Eigen::Matrix<double, 3, 6> by_tangent;
   by_tangent << -at.rotation * skew(point), at.rotation;
   const Vector6 slope =
@@ -78,6 +100,7 @@ CameraFit PoseFitter::fit_lines(const FitCamera& camera, const Rigid3& world_fro
              false, out);
   }
   out.term.quality = out.share();
+  out.magnified = camera.is_magnified;
   return out;
 }
 
@@ -96,13 +119,18 @@ PoseFit PoseFitter::fit(std::span<const FitCamera> cameras, const RigMotion& sta
   }
   PoseFit out{start, std::vector<CameraFit>(cameras.size())};
   RigMotion& motion = out.motion;
+  std::vector<const FitCamera*> looks;
+  for (const FitCamera& camera : cameras) {
+    looks.push_back(&look(camera, start.at(camera.seconds)));
+  }
   for (int iteration = 0; iteration < effort.iterations; ++iteration) {
-    const double reach_now = std::max(kFinalReach, reach * std::pow(0.8, iteration));
     MotionSystem system(motion.twist);
     system.information.diagonal().head<6>().setConstant(kPosePrior);
     for (size_t i = 0; i < cameras.size(); ++i) {
       const double seconds = cameras[i].seconds;
-      out.cameras[i] = fit_lines(cameras[i], motion.at(seconds), reach_now,
+      const double first_reach = effort.moved && looks[i]->is_magnified ? 2 * reach : reach;
+      const double reach_now = std::max(kFinalReach, first_reach * std::pow(0.8, iteration));
+      out.cameras[i] = fit_lines(*looks[i], motion.at(seconds), reach_now,
                                  std::max(1.0, reach_now / 3), effort.sample_step);
       system.add(out.cameras[i].term, motion_jacobian_first_order(motion.twist, seconds));
     }
@@ -120,7 +148,8 @@ PoseFit PoseFitter::fit(std::span<const FitCamera> cameras, const RigMotion& sta
 
 PoseFit PoseFitter::with_contrast(std::span<const FitCamera> cameras, PoseFit fit) const {
   for (size_t i = 0; i < cameras.size(); ++i) {
-    fit.cameras[i].contrast = contrast(cameras[i], fit.motion.at(cameras[i].seconds));
+    const Rigid3 here = fit.motion.at(cameras[i].seconds);
+    fit.cameras[i].contrast = contrast(look(cameras[i], here), here);
   }
   return fit;
 }
@@ -141,9 +170,10 @@ std::vector<PoseFit> PoseFitter::fit_rotated(std::span<const FitCamera> cameras,
 }
 
 std::vector<PoseFit> PoseFitter::fit(std::span<const FitCamera> cameras,
-                                     std::span<const RigMotion> starts, double reach) const {
+                                     std::span<const RigMotion> starts, double reach,
+                                     const FitEffort& effort) const {
   std::vector<PoseFit> out(starts.size());
-  executor_(starts.size(), [&](size_t i) { out[i] = fit(cameras, starts[i], reach); });
+  executor_(starts.size(), [&](size_t i) { out[i] = fit(cameras, starts[i], reach, effort); });
   return out;
 }
 
@@ -152,8 +182,8 @@ PoseFit PoseFitter::lines(std::span<const FitCamera> cameras, const RigMotion& m
   PoseFit out{motion, {}};
   work_.looked_at += cameras.size();
   for (const FitCamera& camera : cameras) {
-    out.cameras.push_back(
-        fit_lines(camera, motion.at(camera.seconds), kFinalReach, 1.0, sample_step));
+    const Rigid3 here = motion.at(camera.seconds);
+    out.cameras.push_back(fit_lines(look(camera, here), here, kFinalReach, 1.0, sample_step));
   }
   return out;
 }
@@ -163,8 +193,9 @@ PoseFit PoseFitter::evaluate(std::span<const FitCamera> cameras, const RigMotion
   work_.looked_at += cameras.size();
   for (const FitCamera& camera : cameras) {
     const Rigid3 here = motion.at(camera.seconds);
-    out.cameras.push_back(fit_lines(camera, here, kFinalReach, 1.0));
-    out.cameras.back().contrast = contrast(camera, here);
+    const FitCamera& close = look(camera, here);
+    out.cameras.push_back(fit_lines(close, here, kFinalReach, 1.0));
+    out.cameras.back().contrast = contrast(close, here);
   }
   return out;
 }

@@ -26,6 +26,9 @@ struct FitCamera {
   const EdgeImage* edges = nullptr;
   double seconds = 0;                         ///< capture after the reference time
   const ForegroundMap* foreground = nullptr;  ///< of the image's size; null: not known
+  /// The same with twice as many pixels, for poses at which the object is small; null: none.
+  const FitCamera* magnified = nullptr;
+  bool is_magnified = false;
 };
 
 /// What one camera says of a fitted pose.
@@ -33,6 +36,7 @@ struct CameraFit {
   int lines = 0;        ///< samples that project into the image
   int agreeing = 0;     ///< that have an edge of their direction close by
   double contrast = 0;  ///< see outline_contrast()
+  bool magnified = false;
   LinearizedTerm term;  ///< at this camera's own time; `cost` and `information` of the lines
   double share() const { return lines > 0 ? static_cast<double>(agreeing) / lines : 0; }
 };
@@ -47,6 +51,7 @@ struct FitEffort {
   int iterations = 8;
   size_t sample_step = kSampleStep;  ///< every n-th line
   bool contrast = true;              ///< CameraFit::contrast is asked for
+  bool moved = false;                ///< since it was there: reaches as far where it is magnified
 };
 
 /// Third stage of a detection: moves a pose and its twist onto the edges of all images. For every
@@ -57,12 +62,13 @@ class PoseFitter {
  public:
   explicit PoseFitter(const ViewpointModel& model, Executor executor = run_serially);
 
-  /// `reach` [half-size px]: how far the first step looks for edges.
+  /// `reach` [half-size px; where it is magnified, of that]: how far the first step looks for
+  /// edges.
   PoseFit fit(std::span<const FitCamera> cameras, const RigMotion& start, double reach,
               const FitEffort& effort = {}) const;
   /// The same for each of these.
   std::vector<PoseFit> fit(std::span<const FitCamera> cameras, std::span<const RigMotion> starts,
-                           double reach) const;
+                           double reach, const FitEffort& effort = {}) const;
   /// A motion about the object's center in all rotations that may leave its shape as it is.
   std::vector<RigMotion> rotated(const RigMotion& motion) const;
   /// These, fitted anew: rivals of a symmetric object.
@@ -75,6 +81,10 @@ class PoseFitter {
                 size_t sample_step) const;
   /// What the images say of a motion as it is.
   PoseFit evaluate(std::span<const FitCamera> cameras, const RigMotion& motion) const;
+  /// Root of the mean area of the object's silhouette over all sides [m].
+  double width() const { return width_; }
+  /// The camera to look with at a pose: magnified where the object is small there.
+  const FitCamera& look(const FitCamera& camera, const Rigid3& world_from_object) const;
   /// Fits, and poses looked at, so far. One thread at a time.
   const WorkMeter& work() const { return work_; }
 
@@ -88,6 +98,7 @@ class PoseFitter {
 
   const ViewpointModel& model_;
   const Executor executor_;
+  const double width_;  ///< root of the mean area of the silhouette [m]
   const std::vector<Eigen::Quaterniond> rotations_;  ///< principal_rotations()
   mutable WorkMeter work_;
 };

@@ -184,7 +184,7 @@ LinearizedTerm DetectionJudge::measurement(const DetectorFrames& frames, size_t 
 // worth. All cameras were fitted together, so the gradient is zero.
 LinearizedTerm DetectionJudge::measurement(const CameraFit& fit) const {
   LinearizedTerm out;
-  const double sigma = options_.sigma_px / 2;  // of half-size pixels
+  const double sigma = fit.magnified ? options_.sigma_px : options_.sigma_px / 2;  // of its pixels
   out.information = fit.term.information * (options_.independent / (sigma * sigma));
   out.residuals = std::max(6, static_cast<int>(options_.independent * fit.agreeing));
   out.cost = 0.5 * out.residuals;

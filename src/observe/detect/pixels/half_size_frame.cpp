@@ -4,6 +4,27 @@
 #include <algorithm>
 
 namespace sightline::observe {
+namespace {
+
+void copy_plane(const PlaneView& from, std::vector<uint8_t>& to) {
+  const auto width = static_cast<size_t>(from.width);
+  to.resize(width * static_cast<size_t>(from.height));
+  for (int y = 0; y < from.height; ++y) {
+    std::copy_n(from.row(y), from.width, to.data() + static_cast<size_t>(y) * width);
+  }
+}
+
+// Each pixel of a plane of half that size four times.
+void repeat_plane(const PlaneView& from, int width, int height, std::vector<uint8_t>& to) {
+  to.resize(static_cast<size_t>(width) * static_cast<size_t>(height));
+  for (int y = 0; y < height; ++y) {
+    const uint8_t* row = from.row(std::min(y / 2, from.height - 1));
+    uint8_t* out = to.data() + static_cast<size_t>(y) * static_cast<size_t>(width);
+    for (int x = 0; x < width; ++x) out[x] = row[std::min(x / 2, from.width - 1)];
+  }
+}
+
+}  // namespace
 
 bool has_colors(const HalfSizeImage& image) {
   constexpr int kStep = 8, kTint = 6;  // [pixels, levels] noise of compressed video is less
@@ -21,7 +42,7 @@ bool has_colors(const HalfSizeImage& image) {
   return false;
 }
 
-bool HalfSizeFrame::store(const Frame& frame, const CameraModel& camera) {
+bool HalfSizeFrame::store(const Frame& frame, const CameraModel& camera, bool magnify) {
   if (frame.info().status == FrameStatus::kDamaged || frame.info().width != camera.width() ||
       frame.info().height != camera.height())
     return false;
@@ -30,17 +51,34 @@ bool HalfSizeFrame::store(const Frame& frame, const CameraModel& camera) {
   const I420View full = frame.i420();
   image.width = luma.width;
   image.height = luma.height;
-  const std::array<PlaneView, 3> from = {luma, full.u, full.v};
-  const auto width = static_cast<size_t>(luma.width);
-  for (size_t k = 0; k < 3; ++k) {
-    std::vector<uint8_t>& to = image.planes[k];
-    to.resize(width * static_cast<size_t>(luma.height));
-    for (int y = 0; y < luma.height; ++y) {
-      std::copy_n(from[k].row(y), luma.width, to.data() + static_cast<size_t>(y) * width);
-    }
+  copy_plane(luma, image.planes[0]);
+  copy_plane({full.u.data, luma.width, luma.height, full.u.stride}, image.planes[1]);
+  copy_plane({full.v.data, luma.width, luma.height, full.v.stride}, image.planes[2]);
+  if (magnify) {
+    const PlaneView all = frame.gray();
+    magnified.width = all.width;
+    magnified.height = all.height;
+    copy_plane(all, magnified.planes[0]);
+    repeat_plane(full.u, all.width, all.height, magnified.planes[1]);
+    repeat_plane(full.v, all.width, all.height, magnified.planes[2]);
   }
   valid = true;
   return true;
+}
+
+std::optional<CalibratedCamera> magnified(CalibratedCamera camera) {
+  CameraModel::Parameters lens = camera.model.parameters();
+  lens.width *= 2;
+  lens.height *= 2;
+  lens.fx *= 2;
+  lens.fy *= 2;
+  lens.cx = 2 * lens.cx + 0.5;  // (0, 0) is the center of a pixel
+  lens.cy = 2 * lens.cy + 0.5;
+  camera.rms_px *= 2;
+  const auto model = CameraModel::create(lens, camera.name);
+  if (!model) return std::nullopt;
+  camera.model = *model;
+  return camera;
 }
 
 }  // namespace sightline::observe

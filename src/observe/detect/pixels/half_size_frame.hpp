@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "sightline/geometry/camera_model.hpp"
@@ -30,10 +31,15 @@ bool has_colors(const HalfSizeImage& image);
 struct HalfSizeFrame {
   FrameInfo info;
   HalfSizeImage image;
+  HalfSizeImage magnified;  ///< that of the camera with twice as many pixels; empty: not wanted
   bool valid = false;
 
   /// False, and nothing changes, if the frame is damaged or not of the camera's size.
-  bool store(const Frame& frame, const CameraModel& camera);
+  bool store(const Frame& frame, const CameraModel& camera, bool magnify = false);
 };
+
+/// The camera with twice as many pixels in each direction: what it sees at half size is the image
+/// as it is. Empty where that is more than a CameraModel can have.
+std::optional<CalibratedCamera> magnified(CalibratedCamera camera);
 
 }  // namespace sightline::observe
