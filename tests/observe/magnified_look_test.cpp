@@ -100,7 +100,7 @@ TEST(Magnified, OnlyWhereTheObjectIsSmall) {
   const PoseFitter fitter(*scene().views);
   for (const FitCamera& camera : frames.fit_cameras()) {
     ASSERT_NE(camera.magnified, nullptr);
-    EXPECT_EQ(camera.magnified->image->width, 2 * camera.image->width);
+    EXPECT_EQ(camera.magnified->camera().image->width, 2 * camera.image->width);
     const double fx = camera.camera->model.parameters().fx;
     const double edge = fx * fitter.width() / kSmallObjectPx;  // [m] from the camera
     const Eigen::Vector3d axis = camera.camera->world_from_camera.rotation_matrix().col(2);
@@ -109,7 +109,7 @@ TEST(Magnified, OnlyWhereTheObjectIsSmall) {
     const auto at = [&](double distance) {
       return Rigid3(eye.rotation, eye.translation + distance * axis);
     };
-    EXPECT_EQ(&fitter.look(camera, at(1.1 * edge)), camera.magnified);
+    EXPECT_EQ(&fitter.look(camera, at(1.1 * edge)), &camera.magnified->camera());
     EXPECT_EQ(&fitter.look(camera, at(0.9 * edge)), &camera);
   }
   // Told that it comes no farther than where it is large, nothing is kept at full size.
@@ -178,7 +178,7 @@ TEST(Magnified, ForegroundIsThatOfTheHalfSize) {
   ASSERT_TRUE(frames.select(true));
   for (const FitCamera& camera : frames.fit_cameras()) {
     ASSERT_NE(camera.magnified, nullptr);
-    const ForegroundMap* large = camera.magnified->foreground;
+    const ForegroundMap* large = camera.magnified->camera().foreground;
     ASSERT_NE(large, nullptr);
     ASSERT_EQ(large->width, 2 * map.width);
     for (int y = 0; y < large->height; ++y) {
@@ -186,7 +186,9 @@ TEST(Magnified, ForegroundIsThatOfTheHalfSize) {
         ASSERT_EQ(large->row(y)[x], map.row(y / 2)[x / 2]);
         // Edges count near to it only, at either size.
         if (x < 260 || x > 380 || y < 180 || y > 300) {
-          ASSERT_EQ(camera.magnified->edges->bins()[static_cast<size_t>(y * large->width + x)], 0);
+          ASSERT_EQ(
+              camera.magnified->camera().edges->bins()[static_cast<size_t>(y * large->width + x)],
+              0);
         }
       }
     }

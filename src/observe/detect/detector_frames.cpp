@@ -4,44 +4,9 @@
 #include <algorithm>
 
 #include "observe/detect/detect_constants.hpp"
+#include "observe/detect/pixels/foreground_masks.hpp"
 
 namespace sightline::observe {
-namespace {
-
-// Pixels that are not background, and those around them.
-void dilate_foreground(const ForegroundMap& map, std::vector<uint8_t>& mask) {
-  const auto width = static_cast<size_t>(map.width);
-  mask.assign(map.classes.size(), 0);
-  for (int y = 0; y < map.height; ++y) {
-    const uint8_t* row = map.row(y);
-    for (int x = 0; x < map.width; ++x) {
-      if (row[x] == ForegroundMap::kBackground) continue;
-      const int top = std::max(0, y - kForegroundMargin);
-      const int bottom = std::min(map.height - 1, y + kForegroundMargin);
-      const int left = std::max(0, x - kForegroundMargin);
-      const int right = std::min(map.width - 1, x + kForegroundMargin);
-      for (int v = top; v <= bottom; ++v) {
-        uint8_t* to = mask.data() + static_cast<size_t>(v) * width;
-        std::fill(to + left, to + right + 1, uint8_t{1});
-      }
-    }
-  }
-}
-
-// Each pixel four times.
-void magnify(const ForegroundMap& from, const HalfSizeImage& size, ForegroundMap& to) {
-  to.width = size.width;
-  to.height = size.height;
-  to.share = from.share;
-  to.classes.resize(static_cast<size_t>(to.width) * static_cast<size_t>(to.height));
-  for (int y = 0; y < to.height; ++y) {
-    const uint8_t* row = from.row(std::min(y / 2, from.height - 1));
-    uint8_t* out = to.classes.data() + static_cast<size_t>(y) * static_cast<size_t>(to.width);
-    for (int x = 0; x < to.width; ++x) out[x] = row[std::min(x / 2, from.width - 1)];
-  }
-}
-
-}  // namespace
 
 DetectorFrames::DetectorFrames(std::vector<DetectorCamera> cameras, const DetectorOptions& options,
                                Executor executor)
@@ -56,7 +21,8 @@ void DetectorFrames::magnify_where_small(const SearchDistances& distances, doubl
     const CalibratedCamera& camera = cameras_[i].calibration;
     const bool small =
         camera.model.parameters().fx * width < kSmallObjectPx * distances.cameras[i].farthest;
-    slots_[i].magnified = small ? magnified(camera) : std::nullopt;
+    auto twice = small ? magnified(camera) : std::nullopt;
+    slots_[i].magnified = twice ? std::make_unique<MagnifiedLook>(*std::move(twice)) : nullptr;
   }
 }
 
@@ -64,21 +30,16 @@ void DetectorFrames::add(CameraId camera, const Frame& frame, const ForegroundMa
   for (size_t i = 0; i < cameras_.size(); ++i) {
     Slot& slot = slots_[i];
     if (cameras_[i].id != camera ||
-        !slot.frame.store(frame, cameras_[i].calibration.model, slot.magnified.has_value())) {
+        !slot.frame.store(frame, cameras_[i].calibration.model, slot.magnified != nullptr)) {
       continue;
     }
     if (slot.frame.info.place) {
       cameras_[i].calibration.world_from_camera = slot.frame.info.place->world_from_camera;
-      if (slot.magnified) {
-        slot.magnified->world_from_camera = cameras_[i].calibration.world_from_camera;
-      }
     }
     const HalfSizeImage& image = slot.frame.image;
     slot.has_foreground = foreground != nullptr && foreground->width == image.width &&
                           foreground->height == image.height;
-    if (!slot.has_foreground) continue;
-    slot.foreground = *foreground;
-    if (slot.magnified) magnify(*foreground, slot.frame.magnified, slot.magnified_foreground);
+    if (slot.has_foreground) slot.foreground = *foreground;
   }
 }
 
@@ -101,13 +62,10 @@ bool DetectorFrames::select(bool focused) {
     const HalfSizeFrame& frame = slots_[i].frame;
     if (frame.valid && newest_ - frame.info.capture <= max_age_) active_.push_back(i);
   }
-  for (const size_t i : active_) work_.images += slots_[i].magnified ? 2 : 1;
+  work_.images += active_.size();
   edges_.resize(active_.size());
   borders_.resize(active_.size());
   masks_.resize(active_.size());
-  magnified_masks_.resize(active_.size());
-  magnified_edges_.resize(active_.size());
-  magnified_cameras_.resize(active_.size());
   search_cameras_.resize(active_.size());
   fit_cameras_.resize(active_.size());
   executor_(active_.size(), [&](size_t i) { prepare(i, focused); });
@@ -129,22 +87,10 @@ void DetectorFrames::prepare(size_t i, bool focused) {
   search.camera_from_world = camera.world_from_camera.inverse();
   search.usual_speed = usual_speed_;
   fit_cameras_[i] = {&camera, search.camera_from_world, &image, &edges_[i], 0, foreground(i)};
-  const Slot& slot = slots_[active_[i]];
+  Slot& slot = slots_[active_[i]];
   if (!slot.magnified) return;
-  magnified_edges_[i].compute(slot.frame.magnified);
-  if (!masks_[i].empty()) {
-    dilate_foreground(slot.magnified_foreground, magnified_masks_[i]);
-    magnified_edges_[i].keep_where(magnified_masks_[i]);
-  }
-  magnified_cameras_[i] = {&*slot.magnified,
-                           search.camera_from_world,
-                           &slot.frame.magnified,
-                           &magnified_edges_[i],
-                           0,
-                           slot.has_foreground ? &slot.magnified_foreground : nullptr,
-                           nullptr,
-                           true};
-  fit_cameras_[i].magnified = &magnified_cameras_[i];
+  slot.magnified->show(fit_cameras_[i], slot.frame.magnified, focused);
+  fit_cameras_[i].magnified = slot.magnified.get();
 }
 
 void DetectorFrames::compute_responses(int margin, Edges edges) {
@@ -158,7 +104,9 @@ void DetectorFrames::compute_responses(int margin, Edges edges) {
 void DetectorFrames::set_reference(Time reference) {
   for (size_t i = 0; i < active_.size(); ++i) {
     fit_cameras_[i].seconds = to_seconds(info(i).capture - reference);
-    magnified_cameras_[i].seconds = fit_cameras_[i].seconds;
+    if (MagnifiedLook* look = slots_[active_[i]].magnified.get()) {
+      look->set_seconds(fit_cameras_[i].seconds);
+    }
     search_cameras_[i].seconds = fit_cameras_[i].seconds;
   }
 }
@@ -185,6 +133,14 @@ std::vector<SilhouetteCamera> DetectorFrames::silhouette_cameras(
     out.back().sum_up();
   }
   if (out.size() < needed()) out.clear();
+  return out;
+}
+
+SearchWork DetectorFrames::work() const {
+  SearchWork out = work_;
+  for (const Slot& slot : slots_) {
+    if (slot.magnified) out.images += slot.magnified->images();
+  }
   return out;
 }
 

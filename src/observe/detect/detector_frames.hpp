@@ -2,10 +2,11 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
+#include <memory>
 #include <span>
 #include <vector>
 
+#include "observe/detect/magnified_look.hpp"
 #include "observe/detect/pixels/edge_maps.hpp"
 #include "observe/detect/pixels/half_size_frame.hpp"
 #include "observe/detect/pixels/region_borders.hpp"
@@ -54,7 +55,7 @@ class DetectorFrames {
   /// Of the i-th camera that takes part.
   size_t camera_index(size_t i) const { return active_[i]; }
   /// Images whose edges were found so far.
-  const SearchWork& work() const { return work_; }
+  SearchWork work() const;
   const FrameInfo& info(size_t i) const { return slots_[active_[i]].frame.info; }
   const ForegroundMap* foreground(size_t i) const;
   const EdgeImage& edges(size_t i) const { return edges_[i]; }
@@ -72,9 +73,9 @@ class DetectorFrames {
  private:
   struct Slot {
     HalfSizeFrame frame;
-    ForegroundMap foreground, magnified_foreground;
+    ForegroundMap foreground;
     bool has_foreground = false;
-    std::optional<CalibratedCamera> magnified;
+    std::unique_ptr<MagnifiedLook> magnified;  ///< null: the object is never small in it
   };
   size_t needed() const;
   /// What the stages need of the i-th camera that takes part.
@@ -89,11 +90,11 @@ class DetectorFrames {
   SearchWork work_;
   Time newest_{};
   std::vector<size_t> active_;  ///< cameras that take part; what follows is by these
-  std::vector<EdgeImage> edges_, magnified_edges_;
+  std::vector<EdgeImage> edges_;
   std::vector<RegionBorders> borders_;
-  std::vector<std::vector<uint8_t>> masks_, magnified_masks_;
+  std::vector<std::vector<uint8_t>> masks_;
   std::vector<SearchCamera> search_cameras_;
-  std::vector<FitCamera> fit_cameras_, magnified_cameras_;
+  std::vector<FitCamera> fit_cameras_;
 };
 
 }  // namespace sightline::observe

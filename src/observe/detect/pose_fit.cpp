@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "observe/detect/detect_constants.hpp"
+#include "observe/detect/magnified_look.hpp"
 #include "observe/detect/pixels/outline_contrast.hpp"
 #include "observe/detect/pixels/sample_edges.hpp"
 #include "observe/detect/principal_rotations.hpp"
@@ -34,7 +35,7 @@ const FitCamera& PoseFitter::look(const FitCamera& camera, const Rigid3& world_f
   const Rigid3 camera_from_object = camera.camera_from_world * world_from_object;
   const double distance = (camera_from_object * model_.center()).norm();
   return camera.camera->model.parameters().fx * width_ < kSmallObjectPx * distance
-             ? *camera.magnified
+             ? camera.magnified->camera()
              : camera;
 }
 

@@ -18,6 +18,8 @@
 
 namespace sightline::observe {
 
+class MagnifiedLook;
+
 /// One camera's image at half size, and when it was taken.
 struct FitCamera {
   const CalibratedCamera* camera = nullptr;
@@ -27,7 +29,7 @@ struct FitCamera {
   double seconds = 0;                         ///< capture after the reference time
   const ForegroundMap* foreground = nullptr;  ///< of the image's size; null: not known
   /// The same with twice as many pixels, for poses at which the object is small; null: none.
-  const FitCamera* magnified = nullptr;
+  const MagnifiedLook* magnified = nullptr;
   bool is_magnified = false;
 };
 

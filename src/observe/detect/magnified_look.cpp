@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "observe/detect/magnified_look.hpp"
+
+#include "observe/detect/pixels/foreground_masks.hpp"
+
+namespace sightline::observe {
+
+void MagnifiedLook::show(const FitCamera& half, const HalfSizeImage& image, bool focused) {
+  calibration_.world_from_camera = half.camera->world_from_camera;
+  half_foreground_ = half.foreground;
+  focused_ = focused && half_foreground_ != nullptr;
+  camera_ = {};
+  camera_.camera = &calibration_;
+  camera_.camera_from_world = half.camera_from_world;
+  camera_.image = &image;
+  camera_.edges = &edges_;
+  camera_.seconds = half.seconds;
+  camera_.foreground = half_foreground_ != nullptr ? &foreground_ : nullptr;
+  camera_.is_magnified = true;
+  made_ = false;
+}
+
+const FitCamera& MagnifiedLook::camera() const {
+  if (!made_.load(std::memory_order_acquire)) {
+    const std::lock_guard lock(mutex_);
+    if (!made_.load(std::memory_order_relaxed)) {
+      find_edges();
+      made_.store(true, std::memory_order_release);
+    }
+  }
+  return camera_;
+}
+
+void MagnifiedLook::find_edges() const {
+  edges_.compute(*camera_.image);
+  images_.fetch_add(1, std::memory_order_relaxed);
+  if (half_foreground_ == nullptr) return;
+  magnify(*half_foreground_, camera_.image->width, camera_.image->height, foreground_);
+  if (!focused_) return;
+  dilate_foreground(foreground_, mask_);
+  edges_.keep_where(mask_);
+}
+
+}  // namespace sightline::observe

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <mutex>
+#include <vector>
+
+#include "observe/detect/pose_fit.hpp"
+
+namespace sightline::observe {
+
+/// One camera at full size, for poses at which the object is small in its image. Its edges are
+/// found when it is first asked for: what is large and followed does without.
+class MagnifiedLook {
+ public:
+  /// `camera`: with twice as many pixels, see magnified().
+  explicit MagnifiedLook(CalibratedCamera camera) : calibration_(std::move(camera)) {}
+
+  /// From now on that of this image of full size. `half` is the same camera at half size; where the
+  /// foreground is known and `focused`, only edges near to it count.
+  void show(const FitCamera& half, const HalfSizeImage& image, bool focused);
+  void set_seconds(double seconds) { camera_.seconds = seconds; }
+  /// While nobody changes this, any thread may ask.
+  const FitCamera& camera() const;
+  /// Images whose edges were found so far.
+  uint64_t images() const { return images_.load(std::memory_order_relaxed); }
+
+ private:
+  void find_edges() const;
+
+  CalibratedCamera calibration_;
+  FitCamera camera_;
+  const ForegroundMap* half_foreground_ = nullptr;
+  bool focused_ = false;
+  mutable std::mutex mutex_;  ///< of who finds them
+  mutable std::atomic<bool> made_{false};
+  mutable std::atomic<uint64_t> images_{0};
+  mutable EdgeImage edges_;
+  mutable ForegroundMap foreground_;
+  mutable std::vector<uint8_t> mask_;
+};
+
+}  // namespace sightline::observe

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "observe/detect/pixels/foreground_masks.hpp"
+
+#include <algorithm>
+
+#include "observe/detect/detect_constants.hpp"
+
+namespace sightline::observe {
+
+void dilate_foreground(const ForegroundMap& map, std::vector<uint8_t>& mask) {
+  const auto width = static_cast<size_t>(map.width);
+  mask.assign(map.classes.size(), 0);
+  for (int y = 0; y < map.height; ++y) {
+    const uint8_t* row = map.row(y);
+    for (int x = 0; x < map.width; ++x) {
+      if (row[x] == ForegroundMap::kBackground) continue;
+      const int top = std::max(0, y - kForegroundMargin);
+      const int bottom = std::min(map.height - 1, y + kForegroundMargin);
+      const int left = std::max(0, x - kForegroundMargin);
+      const int right = std::min(map.width - 1, x + kForegroundMargin);
+      for (int v = top; v <= bottom; ++v) {
+        uint8_t* to = mask.data() + static_cast<size_t>(v) * width;
+        std::fill(to + left, to + right + 1, uint8_t{1});
+      }
+    }
+  }
+}
+
+void magnify(const ForegroundMap& from, int width, int height, ForegroundMap& to) {
+  to.width = width;
+  to.height = height;
+  to.share = from.share;
+  to.classes.resize(static_cast<size_t>(to.width) * static_cast<size_t>(to.height));
+  for (int y = 0; y < to.height; ++y) {
+    const uint8_t* row = from.row(std::min(y / 2, from.height - 1));
+    uint8_t* out = to.classes.data() + static_cast<size_t>(y) * static_cast<size_t>(to.width);
+    for (int x = 0; x < to.width; ++x) out[x] = row[std::min(x / 2, from.width - 1)];
+  }
+}
+
+}  // namespace sightline::observe

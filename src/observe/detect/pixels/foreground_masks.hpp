@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "sightline/observe/terms/foreground_map.hpp"
+
+namespace sightline::observe {
+
+/// 1 at pixels that are not background, and at those around them.
+void dilate_foreground(const ForegroundMap& map, std::vector<uint8_t>& mask);
+
+/// The map in twice as many pixels in each direction, as many as an image of this size has.
+void magnify(const ForegroundMap& from, int width, int height, ForegroundMap& to);
+
+}  // namespace sightline::observe
