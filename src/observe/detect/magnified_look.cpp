@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "observe/detect/magnified_look.hpp"
 
+#include "observe/detect/detect_constants.hpp"
 #include "observe/detect/pixels/foreground_masks.hpp"
 
 namespace sightline::observe {
@@ -20,7 +21,7 @@ void MagnifiedLook::show(const FitCamera& half, const HalfSizeImage& image, bool
   made_ = false;
 }
 
-const FitCamera& MagnifiedLook::camera() const {
+const FitCamera* MagnifiedLook::camera() const {
   if (!made_.load(std::memory_order_acquire)) {
     const std::lock_guard lock(mutex_);
     if (!made_.load(std::memory_order_relaxed)) {
@@ -28,7 +29,8 @@ const FitCamera& MagnifiedLook::camera() const {
       made_.store(true, std::memory_order_release);
     }
   }
-  return camera_;
+  // Noise, or fine texture everywhere, has raised it.
+  return edges_.threshold() > kMinGradient ? nullptr : &camera_;
 }
 
 void MagnifiedLook::find_edges() const {

@@ -21,8 +21,9 @@ class MagnifiedLook {
   /// foreground is known and `focused`, only edges near to it count.
   void show(const FitCamera& half, const HalfSizeImage& image, bool focused);
   void set_seconds(double seconds) { camera_.seconds = seconds; }
-  /// While nobody changes this, any thread may ask.
-  const FitCamera& camera() const;
+  /// Null: too noisy; at half size the noise is less. While nobody changes this, any thread may
+  /// ask.
+  const FitCamera* camera() const;
   /// Images whose edges were found so far.
   uint64_t images() const { return images_.load(std::memory_order_relaxed); }
 

@@ -34,9 +34,9 @@ const FitCamera& PoseFitter::look(const FitCamera& camera, const Rigid3& world_f
   if (camera.magnified == nullptr) return camera;
   const Rigid3 camera_from_object = camera.camera_from_world * world_from_object;
   const double distance = (camera_from_object * model_.center()).norm();
-  return camera.camera->model.parameters().fx * width_ < kSmallObjectPx * distance
-             ? camera.magnified->camera()
-             : camera;
+  if (camera.camera->model.parameters().fx * width_ >= kSmallObjectPx * distance) return camera;
+  const FitCamera* magnified = camera.magnified->camera();
+  return magnified != nullptr ? *magnified : camera;
 }
 
 /// Where the object is before one camera, and how its lines are looked for.

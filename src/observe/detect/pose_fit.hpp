@@ -85,7 +85,7 @@ class PoseFitter {
   PoseFit evaluate(std::span<const FitCamera> cameras, const RigMotion& motion) const;
   /// Root of the mean area of the object's silhouette over all sides [m].
   double width() const { return width_; }
-  /// The camera to look with at a pose: magnified where the object is small there.
+  /// The camera to look with at a pose: magnified where the object is small there and noise allows.
   const FitCamera& look(const FitCamera& camera, const Rigid3& world_from_object) const;
   /// Fits, and poses looked at, so far. One thread at a time.
   const WorkMeter& work() const { return work_; }

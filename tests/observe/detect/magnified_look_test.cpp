@@ -100,7 +100,7 @@ TEST(Magnified, OnlyWhereTheObjectIsSmall) {
   const PoseFitter fitter(*scene().views);
   for (const FitCamera& camera : frames.fit_cameras()) {
     ASSERT_NE(camera.magnified, nullptr);
-    EXPECT_EQ(camera.magnified->camera().image->width, 2 * camera.image->width);
+    EXPECT_EQ(camera.magnified->camera()->image->width, 2 * camera.image->width);
     const double fx = camera.camera->model.parameters().fx;
     const double edge = fx * fitter.width() / kSmallObjectPx;  // [m] from the camera
     const Eigen::Vector3d axis = camera.camera->world_from_camera.rotation_matrix().col(2);
@@ -109,7 +109,7 @@ TEST(Magnified, OnlyWhereTheObjectIsSmall) {
     const auto at = [&](double distance) {
       return Rigid3(eye.rotation, eye.translation + distance * axis);
     };
-    EXPECT_EQ(&fitter.look(camera, at(1.1 * edge)), &camera.magnified->camera());
+    EXPECT_EQ(&fitter.look(camera, at(1.1 * edge)), camera.magnified->camera());
     EXPECT_EQ(&fitter.look(camera, at(0.9 * edge)), &camera);
   }
   // Told that it comes no farther than where it is large, nothing is kept at full size.
@@ -123,6 +123,22 @@ TEST(Magnified, OnlyWhereTheObjectIsSmall) {
                          [&](CameraId id, const Frame& frame) { large.add(id, frame, nullptr); });
   ASSERT_TRUE(large.select(false));
   for (const FitCamera& camera : large.fit_cameras()) EXPECT_EQ(camera.magnified, nullptr);
+}
+
+TEST(Magnified, NotWhereNoiseWouldHideTheEdges) {
+  test::SceneRigOptions options = FarScene::options();
+  options.sensor.read_noise = 6;
+  const test::SceneRig noisy(options);
+  DetectorFrames frames(test::detector_cameras(noisy), scene().detector);
+  const PoseFitter fitter(*scene().views);
+  frames.magnify_where_small(
+      search_distances(scene().cameras, scene().views->radius(), scene().detector), fitter.width());
+  test::add_first_frames(noisy,
+                         [&](CameraId id, const Frame& frame) { frames.add(id, frame, nullptr); });
+  ASSERT_TRUE(frames.select(false));
+  for (const FitCamera& camera : frames.fit_cameras()) {
+    EXPECT_EQ(&fitter.look(camera, scene().truth), &camera);
+  }
 }
 
 TEST(Magnified, FitsAreNearerToTheTruth) {
@@ -178,7 +194,7 @@ TEST(Magnified, ForegroundIsThatOfTheHalfSize) {
   ASSERT_TRUE(frames.select(true));
   for (const FitCamera& camera : frames.fit_cameras()) {
     ASSERT_NE(camera.magnified, nullptr);
-    const ForegroundMap* large = camera.magnified->camera().foreground;
+    const ForegroundMap* large = camera.magnified->camera()->foreground;
     ASSERT_NE(large, nullptr);
     ASSERT_EQ(large->width, 2 * map.width);
     for (int y = 0; y < large->height; ++y) {
@@ -187,7 +203,7 @@ TEST(Magnified, ForegroundIsThatOfTheHalfSize) {
         // Edges count near to it only, at either size.
         if (x < 260 || x > 380 || y < 180 || y > 300) {
           ASSERT_EQ(
-              camera.magnified->camera().edges->bins()[static_cast<size_t>(y * large->width + x)],
+              camera.magnified->camera()->edges->bins()[static_cast<size_t>(y * large->width + x)],
               0);
         }
       }
