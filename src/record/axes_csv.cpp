@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sightline/record/axes_csv.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -48,17 +47,13 @@ class AxesParser {
   Status parse_line(const CsvLines::Line& line) {
     split_fields(line.text, fields_);
     SL_RETURN_IF_ERROR(check_field_count(fields_.size(), 6, kAxesHeader, where_, line.number));
-    const auto camera = std::find(cameras_.begin(), cameras_.end(), fields_[0]);
-    if (camera == cameras_.end()) {
-      return make_error(ErrorCode::kInvalidInput, line_of(where_, line.number),
-                        "camera '{}' is not in recording.toml", fields_[0].substr(0, 40));
-    }
+    SL_ASSIGN(const size_t camera, parse_camera(fields_[0], cameras_, where_, line.number));
     SL_ASSIGN(const AxisReading reading, parse_reading(fields_, where_, line.number));
-    auto& readings = readings_[static_cast<size_t>(camera - cameras_.begin())];
+    auto& readings = readings_[camera];
     if (!readings.empty() && reading.stamp <= readings.back().stamp) {
       return make_error(ErrorCode::kInvalidInput, line_of(where_, line.number),
                         "times of camera {} run backwards or stand still: {} ns after {} ns",
-                        *camera, to_ns(reading.stamp), to_ns(readings.back().stamp));
+                        cameras_[camera], to_ns(reading.stamp), to_ns(readings.back().stamp));
     }
     if (++rows_ > kMostRows) {
       return make_error(ErrorCode::kInvalidInput, line_of(where_, line.number), "more than {} rows",

@@ -5,6 +5,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 
@@ -136,6 +137,16 @@ Status check_field_count(size_t found, size_t expected, std::string_view header,
   if (found == expected) return {};
   return make_error(ErrorCode::kInvalidInput, line_of(where, line), "{} columns, expected {}: {}",
                     found, expected, header);
+}
+
+Result<size_t> parse_camera(std::string_view field, std::span<const std::string> cameras,
+                            const std::string& where, size_t line) {
+  const auto camera = std::find(cameras.begin(), cameras.end(), field);
+  if (camera == cameras.end()) {
+    return make_error(ErrorCode::kInvalidInput, line_of(where, line),
+                      "camera '{}' is not in recording.toml", field.substr(0, 40));
+  }
+  return static_cast<size_t>(camera - cameras.begin());
 }
 
 }  // namespace sightline::record

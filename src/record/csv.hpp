@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <limits>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -90,5 +91,9 @@ Status check_header(CsvLines& lines, std::string_view header);
 /// Refuses a row with another number of fields than the header has.
 Status check_field_count(size_t found, size_t expected, std::string_view header,
                          const std::string& where, size_t line);
+
+/// One field as a camera of the recording: its place in `cameras`.
+Result<size_t> parse_camera(std::string_view field, std::span<const std::string> cameras,
+                            const std::string& where, size_t line);
 
 }  // namespace sightline::record

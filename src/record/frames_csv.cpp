@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <algorithm>
-
 #include "record/csv.hpp"
 #include "sightline/record/recording.hpp"
 
@@ -53,14 +51,10 @@ class FramesParser {
   Status parse_line(const CsvLines::Line& line) {
     split_fields(line.text, fields_);
     SL_RETURN_IF_ERROR(check_field_count(fields_.size(), 5, kHeader, where_, line.number));
-    const auto camera = std::find(cameras_.begin(), cameras_.end(), fields_[0]);
-    if (camera == cameras_.end()) {
-      return make_error(ErrorCode::kInvalidInput, line_of(where_, line.number),
-                        "camera '{}' is not in recording.toml", fields_[0].substr(0, 40));
-    }
+    SL_ASSIGN(const size_t camera, parse_camera(fields_[0], cameras_, where_, line.number));
     SL_ASSIGN(const RecordedRow row, parse_row(fields_, where_, line.number));
-    auto& rows = rows_[static_cast<size_t>(camera - cameras_.begin())];
-    if (!rows.empty()) SL_RETURN_IF_ERROR(check_order(rows.back(), row, *camera, where_));
+    auto& rows = rows_[camera];
+    if (!rows.empty()) SL_RETURN_IF_ERROR(check_order(rows.back(), row, cameras_[camera], where_));
     if (row.arrival < row.capture && early_++ == 0) first_early_ = line.number;
     rows.push_back(row);
     return {};

@@ -7,6 +7,7 @@
 #include "sightline/base/thread.hpp"
 #include "sightline/stream/encoder.hpp"
 #include "stream_tools.hpp"
+#include "wrapped_encoder.hpp"
 
 namespace sightline {
 namespace {
@@ -24,38 +25,12 @@ gboolean fail_when_asked(GstPad* pad, GstObject* parent, GstEvent* event) {
   return FALSE;
 }
 
-void init_instance(GTypeInstance* instance, gpointer) {
-  auto* bin = GST_BIN(instance);
-  GstElement* inner = gst_element_factory_make("x264enc", nullptr);
-  if (inner == nullptr) return;
-  gst_util_set_object_arg(G_OBJECT(inner), "tune", "zerolatency");
-  gst_bin_add(bin, inner);
-  GstPad* sink = gst_element_get_static_pad(inner, "sink");
-  GstPad* source = gst_element_get_static_pad(inner, "src");
-  gst_element_add_pad(GST_ELEMENT(bin), gst_ghost_pad_new("sink", sink));
-  GstPad* out = gst_ghost_pad_new("src", source);
-  gst_pad_set_event_function(out, fail_when_asked);
-  gst_element_add_pad(GST_ELEMENT(bin), out);
-  gst_object_unref(sink);
-  gst_object_unref(source);
-}
-
-void init_class(gpointer type_class, gpointer) {
-  gst_element_class_set_static_metadata(GST_ELEMENT_CLASS(type_class), "Failing encoder",
-                                        "Codec/Encoder/Video", "Fails when asked", "Sightline");
+void let_fail(const test::WrappedEncoder& encoder) {
+  gst_pad_set_event_function(encoder.out, fail_when_asked);
 }
 
 /// Registers the element; false where there is no x264enc to make it of.
-bool has_failing_encoder() {
-  gst_init(nullptr, nullptr);
-  GstElementFactory* factory = gst_element_factory_find("x264enc");
-  if (factory == nullptr) return false;
-  gst_object_unref(factory);
-  static const GType type = g_type_register_static_simple(
-      GST_TYPE_BIN, "SightlineFailingEncoder", sizeof(GstBinClass), init_class, sizeof(GstBin),
-      init_instance, static_cast<GTypeFlags>(0));
-  return gst_element_register(nullptr, "failingh264enc", GST_RANK_NONE, type) != FALSE;
-}
+bool has_failing_encoder() { return test::register_wrapped_encoder<let_fail>("failingh264enc"); }
 
 AnnotatedImage image(int number) {
   return annotated(synthetic_image(kWidth, kHeight, number), static_cast<uint64_t>(number),

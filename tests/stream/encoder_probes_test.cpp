@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "stream_tools.hpp"
+#include "wrapped_encoder.hpp"
 
 namespace sightline {
 namespace {
@@ -24,39 +25,16 @@ GstPadProbeReturn wait_for_device(GstPad*, GstPadProbeInfo*, gpointer) {
   return GST_PAD_PROBE_OK;
 }
 
-void init_instance(GTypeInstance* instance, gpointer) {
+void put_to_sleep(const test::WrappedEncoder& encoder) {
   ++made;
-  auto* bin = GST_BIN(instance);
-  GstElement* inner = gst_element_factory_make("x264enc", nullptr);
-  if (inner == nullptr) return;
-  gst_util_set_object_arg(G_OBJECT(inner), "tune", "zerolatency");
-  gst_bin_add(bin, inner);
-  GstPad* sink = gst_element_get_static_pad(inner, "sink");
-  gst_pad_add_probe(sink, GST_PAD_PROBE_TYPE_BUFFER, wait_for_device, nullptr, nullptr);
-  GstPad* source = gst_element_get_static_pad(inner, "src");
-  gst_element_add_pad(GST_ELEMENT(bin), gst_ghost_pad_new("sink", sink));
-  gst_element_add_pad(GST_ELEMENT(bin), gst_ghost_pad_new("src", source));
-  gst_object_unref(sink);
-  gst_object_unref(source);
-}
-
-void init_class(gpointer type_class, gpointer) {
-  gst_element_class_set_static_metadata(GST_ELEMENT_CLASS(type_class), "Sleeping encoder",
-                                        "Codec/Encoder/Video", "Sleeps at first", "Sightline");
+  gst_pad_add_probe(encoder.sink, GST_PAD_PROBE_TYPE_BUFFER, wait_for_device, nullptr, nullptr);
 }
 
 /// Registers the element; false where there is no x264enc to make it of.
 bool has_sleeping_encoder() {
-  gst_init(nullptr, nullptr);
-  GstElementFactory* factory = gst_element_factory_find("x264enc");
-  if (factory == nullptr) return false;
-  gst_object_unref(factory);
-  static const GType type = g_type_register_static_simple(
-      GST_TYPE_BIN, "SightlineSleepingEncoder", sizeof(GstBinClass), init_class, sizeof(GstBin),
-      init_instance, static_cast<GTypeFlags>(0));
   asleep = true;
   made = 0;
-  return gst_element_register(nullptr, "sleepingh264enc", GST_RANK_NONE, type) != FALSE;
+  return test::register_wrapped_encoder<put_to_sleep>("sleepingh264enc");
 }
 
 TEST(EncoderProbes, OneThatAnswersLateIsUsedThen) {

@@ -89,7 +89,7 @@ void DetectorFrames::prepare(size_t i, bool focused) {
   fit_cameras_[i] = {&camera, search.camera_from_world, &image, &edges_[i], 0, foreground(i)};
   Slot& slot = slots_[active_[i]];
   if (!slot.magnified) return;
-  slot.magnified->show(fit_cameras_[i], slot.frame.magnified, focused);
+  slot.magnified->show(fit_cameras_[i], slot.frame, focused);
   fit_cameras_[i].magnified = slot.magnified.get();
 }
 

@@ -6,14 +6,15 @@
 
 namespace sightline::observe {
 
-void MagnifiedLook::show(const FitCamera& half, const HalfSizeImage& image, bool focused) {
+void MagnifiedLook::show(const FitCamera& half, const HalfSizeFrame& frame, bool focused) {
   calibration_.world_from_camera = half.camera->world_from_camera;
+  frame_ = &frame;
   half_foreground_ = half.foreground;
   focused_ = focused && half_foreground_ != nullptr;
   camera_ = {};
   camera_.camera = &calibration_;
   camera_.camera_from_world = half.camera_from_world;
-  camera_.image = &image;
+  camera_.image = &image_;
   camera_.edges = &edges_;
   camera_.seconds = half.seconds;
   camera_.foreground = half_foreground_ != nullptr ? &foreground_ : nullptr;
@@ -34,10 +35,11 @@ const FitCamera* MagnifiedLook::camera() const {
 }
 
 void MagnifiedLook::find_edges() const {
-  edges_.compute(*camera_.image);
+  frame_->magnify(image_);
+  edges_.compute(image_);
   images_.fetch_add(1, std::memory_order_relaxed);
   if (half_foreground_ == nullptr) return;
-  magnify(*half_foreground_, camera_.image->width, camera_.image->height, foreground_);
+  magnify(*half_foreground_, image_.width, image_.height, foreground_);
   if (!focused_) return;
   dilate_foreground(foreground_, mask_);
   edges_.keep_where(mask_);

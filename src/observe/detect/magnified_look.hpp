@@ -17,9 +17,9 @@ class MagnifiedLook {
   /// `camera`: with twice as many pixels, see magnified().
   explicit MagnifiedLook(CalibratedCamera camera) : calibration_(std::move(camera)) {}
 
-  /// From now on that of this image of full size. `half` is the same camera at half size; where the
-  /// foreground is known and `focused`, only edges near to it count.
-  void show(const FitCamera& half, const HalfSizeImage& image, bool focused);
+  /// From now on that of this frame, which keeps its full luma. `half` is the same camera at half
+  /// size; where the foreground is known and `focused`, only edges near to it count.
+  void show(const FitCamera& half, const HalfSizeFrame& frame, bool focused);
   void set_seconds(double seconds) { camera_.seconds = seconds; }
   /// Null: too noisy; at half size the noise is less. While nobody changes this, any thread may
   /// ask.
@@ -32,11 +32,13 @@ class MagnifiedLook {
 
   CalibratedCamera calibration_;
   FitCamera camera_;
+  const HalfSizeFrame* frame_ = nullptr;
   const ForegroundMap* half_foreground_ = nullptr;
   bool focused_ = false;
   mutable std::mutex mutex_;  ///< of who finds them
   mutable std::atomic<bool> made_{false};
   mutable std::atomic<uint64_t> images_{0};
+  mutable HalfSizeImage image_;
   mutable EdgeImage edges_;
   mutable ForegroundMap foreground_;
   mutable std::vector<uint8_t> mask_;

@@ -42,7 +42,7 @@ bool has_colors(const HalfSizeImage& image) {
   return false;
 }
 
-bool HalfSizeFrame::store(const Frame& frame, const CameraModel& camera, bool magnify) {
+bool HalfSizeFrame::store(const Frame& frame, const CameraModel& camera, bool keep_full_luma) {
   if (frame.info().status == FrameStatus::kDamaged || frame.info().width != camera.width() ||
       frame.info().height != camera.height())
     return false;
@@ -54,16 +54,18 @@ bool HalfSizeFrame::store(const Frame& frame, const CameraModel& camera, bool ma
   copy_plane(luma, image.planes[0]);
   copy_plane({full.u.data, luma.width, luma.height, full.u.stride}, image.planes[1]);
   copy_plane({full.v.data, luma.width, luma.height, full.v.stride}, image.planes[2]);
-  if (magnify) {
-    const PlaneView all = frame.gray();
-    magnified.width = all.width;
-    magnified.height = all.height;
-    copy_plane(all, magnified.planes[0]);
-    repeat_plane(full.u, all.width, all.height, magnified.planes[1]);
-    repeat_plane(full.v, all.width, all.height, magnified.planes[2]);
-  }
+  if (keep_full_luma) copy_plane(frame.gray(), full_luma);
   valid = true;
   return true;
+}
+
+void HalfSizeFrame::magnify(HalfSizeImage& to) const {
+  to.width = info.width;
+  to.height = info.height;
+  to.planes[0] = full_luma;
+  for (size_t plane = 1; plane < 3; ++plane) {
+    repeat_plane(image.view(plane), to.width, to.height, to.planes[plane]);
+  }
 }
 
 std::optional<CalibratedCamera> magnified(CalibratedCamera camera) {

@@ -31,11 +31,13 @@ bool has_colors(const HalfSizeImage& image);
 struct HalfSizeFrame {
   FrameInfo info;
   HalfSizeImage image;
-  HalfSizeImage magnified;  ///< that of the camera with twice as many pixels; empty: not wanted
+  std::vector<uint8_t> full_luma;  ///< of the frame as it is; empty: not wanted
   bool valid = false;
 
   /// False, and nothing changes, if the frame is damaged or not of the camera's size.
-  bool store(const Frame& frame, const CameraModel& camera, bool magnify = false);
+  bool store(const Frame& frame, const CameraModel& camera, bool keep_full_luma = false);
+  /// What a camera with twice as many pixels shows at half size; needs `full_luma`.
+  void magnify(HalfSizeImage& to) const;
 };
 
 /// The camera with twice as many pixels in each direction: what it sees at half size is the image
