@@ -290,7 +290,7 @@ void ContourSearch::reorient(const DetectorFrames& frames, std::vector<ContourPo
                              const MeshColors* mesh_colors) const {
   if (fits.empty() || fits.front().score < kMinReoriented) return;
   const ContourPose best = fits.front();
-  const ColorSilhouettes colors(frames, bank_.model(), fitter_, best.fit.motion, best.cameras);
+  const ColorSilhouettes colors(frames, bank_.model(), best.fit.motion, best.cameras);
   const Eigen::Vector3d center = best.fit.motion.world_from_object * bank_.model().center();
   std::vector<RigMotion> starts;
   for (const JointPose& pose :

@@ -59,6 +59,8 @@ constexpr double kAgreementPx = 1.3;                   // [half-size px] of a li
 // pixels of real images, so that 1.3 px left nothing of dragon.
 constexpr double kSmallObjectPx = 75;          // full size
 constexpr double kMagnifiedAgreementPx = 2.0;  // of a line that agrees there
+constexpr double kMagnifiedReach = 1.5;        // of the radius, of what is looked at about a pose
+constexpr int kCloseIterations = 3;            // there, of what has moved
 constexpr double kWeakEdgeShare = 0.4;         // of the edge threshold, where the foreground ends
 constexpr double kFitHuber = 2.0;              // [sigma]
 constexpr double kPosePrior = 1e-3;  // information of each coordinate, for what no line sees

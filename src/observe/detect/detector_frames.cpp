@@ -96,9 +96,41 @@ void DetectorFrames::prepare(size_t i, bool focused) {
 void DetectorFrames::compute_responses(int margin, Edges edges) {
   executor_(active_.size(), [&](size_t i) {
     if (edges == Edges::kBorders) borders_[i].compute(image(i), edges_[i]);
+    // Some of many poses will ask for it; there each camera has a thread.
+    if (edges == Edges::kBorders && fit_cameras_[i].magnified != nullptr) {
+      (void)fit_cameras_[i].magnified->camera();
+    }
     search_cameras_[i].respond_to(
         edges_[i], edges == Edges::kBorders ? borders_[i].bins() : edges_[i].bins(), margin);
   });
+}
+
+void DetectorFrames::magnify_about(std::span<const RigMotion> motions,
+                                   const ViewpointModel& object) {
+  for (size_t i = 0; i < active_.size(); ++i) {
+    MagnifiedLook* look = slots_[active_[i]].magnified.get();
+    if (look == nullptr) continue;
+    const FitCamera& camera = fit_cameras_[i];
+    Eigen::AlignedBox2d box;
+    for (const RigMotion& motion : motions) {
+      const Eigen::Vector3d center =
+          camera.camera_from_world * (motion.at(camera.seconds) * object.center());
+      const auto pixel = camera.camera->model.project(center);
+      if (!pixel) continue;
+      const double reach =
+          kMagnifiedReach * object.radius() * camera.camera->model.parameters().fx / center.norm() +
+          2 * kSearchReach;
+      const Eigen::Vector2d around = Eigen::Vector2d::Constant(reach);
+      box.extend(Eigen::AlignedBox2d(*pixel - around, *pixel + around));
+    }
+    // Far off the image there is nothing to be seen either.
+    const auto whole = [](double value) {
+      return static_cast<int>(std::lround(std::clamp(value, -1e6, 1e6)));
+    };
+    look->set_box(box.isEmpty() ? PixelBox{}
+                                : PixelBox{whole(box.min().x()), whole(box.min().y()),
+                                           whole(box.max().x()), whole(box.max().y())});
+  }
 }
 
 void DetectorFrames::set_reference(Time reference) {

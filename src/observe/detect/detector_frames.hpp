@@ -46,6 +46,8 @@ class DetectorFrames {
   enum class Edges { kAll, kBorders };
   /// Response maps of the chosen frames, for scan() and JointSearch; made when they are needed.
   void compute_responses(int margin, Edges edges);
+  /// What is magnified is asked for about these poses of an object only.
+  void magnify_about(std::span<const RigMotion> motions, const ViewpointModel& object);
   /// Time that poses refer to; those of the images count from it.
   void set_reference(Time reference);
 

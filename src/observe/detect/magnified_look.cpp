@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "observe/detect/magnified_look.hpp"
 
+#include <algorithm>
+
 #include "observe/detect/detect_constants.hpp"
 #include "observe/detect/pixels/foreground_masks.hpp"
 
@@ -11,6 +13,7 @@ void MagnifiedLook::show(const FitCamera& half, const HalfSizeFrame& frame, bool
   frame_ = &frame;
   half_foreground_ = half.foreground;
   focused_ = focused && half_foreground_ != nullptr;
+  box_ = {0, 0, frame.info.width, frame.info.height};
   camera_ = {};
   camera_.camera = &calibration_;
   camera_.camera_from_world = half.camera_from_world;
@@ -20,6 +23,12 @@ void MagnifiedLook::show(const FitCamera& half, const HalfSizeFrame& frame, bool
   camera_.foreground = half_foreground_ != nullptr ? &foreground_ : nullptr;
   camera_.is_magnified = true;
   made_ = false;
+}
+
+void MagnifiedLook::set_box(const PixelBox& box) {
+  box_ = {std::max(box_.left, box.left), std::max(box_.top, box.top),
+          std::min(box_.right, box.right), std::min(box_.bottom, box.bottom)};
+  if (box_.right <= box_.left || box_.bottom <= box_.top) box_ = {};
 }
 
 const FitCamera* MagnifiedLook::camera() const {
@@ -35,8 +44,8 @@ const FitCamera* MagnifiedLook::camera() const {
 }
 
 void MagnifiedLook::find_edges() const {
-  frame_->magnify(image_);
-  edges_.compute(image_);
+  frame_->magnify(image_, box_);
+  edges_.compute(image_, box_);
   images_.fetch_add(1, std::memory_order_relaxed);
   if (half_foreground_ == nullptr) return;
   magnify(*half_foreground_, image_.width, image_.height, foreground_);

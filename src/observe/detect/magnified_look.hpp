@@ -20,6 +20,8 @@ class MagnifiedLook {
   /// From now on that of this frame, which keeps its full luma. `half` is the same camera at half
   /// size; where the foreground is known and `focused`, only edges near to it count.
   void show(const FitCamera& half, const HalfSizeFrame& frame, bool focused);
+  /// Nothing outside of this part of its image is asked for. Before it is asked for anything.
+  void set_box(const PixelBox& box);
   void set_seconds(double seconds) { camera_.seconds = seconds; }
   /// Null: too noisy; at half size the noise is less. While nobody changes this, any thread may
   /// ask.
@@ -35,6 +37,7 @@ class MagnifiedLook {
   const HalfSizeFrame* frame_ = nullptr;
   const ForegroundMap* half_foreground_ = nullptr;
   bool focused_ = false;
+  PixelBox box_;
   mutable std::mutex mutex_;  ///< of who finds them
   mutable std::atomic<bool> made_{false};
   mutable std::atomic<uint64_t> images_{0};

@@ -185,6 +185,7 @@ class ObjectDetector::Impl {
         }
       }
     }
+    frames_.magnify_about(starts, model());
     // Edges cost less; where they do not tell, what was found by contours is followed by those.
     fit_and_judge(starts, judged);
     judge_.decide(frames_, judged, out);

@@ -125,13 +125,14 @@ PoseFit PoseFitter::fit(std::span<const FitCamera> cameras, const RigMotion& sta
     looks.push_back(&look(camera, start.at(camera.seconds)));
   }
   for (int iteration = 0; iteration < effort.iterations; ++iteration) {
+    const double reach_now = std::max(kFinalReach, reach * std::pow(0.8, iteration));
+    const bool from_afar = effort.moved && iteration + kCloseIterations < effort.iterations;
     MotionSystem system(motion.twist);
     system.information.diagonal().head<6>().setConstant(kPosePrior);
     for (size_t i = 0; i < cameras.size(); ++i) {
       const double seconds = cameras[i].seconds;
-      const double first_reach = effort.moved && looks[i]->is_magnified ? 2 * reach : reach;
-      const double reach_now = std::max(kFinalReach, first_reach * std::pow(0.8, iteration));
-      out.cameras[i] = fit_lines(*looks[i], motion.at(seconds), reach_now,
+      const FitCamera& camera = from_afar ? cameras[i] : *looks[i];
+      out.cameras[i] = fit_lines(camera, motion.at(seconds), reach_now,
                                  std::max(1.0, reach_now / 3), effort.sample_step);
       system.add(out.cameras[i].term, motion_jacobian_first_order(motion.twist, seconds));
     }

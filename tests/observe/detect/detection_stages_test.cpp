@@ -387,8 +387,7 @@ TEST(ColorSilhouettes, TellTheOrientationAtAPlace) {
     return RigMotion{scene().truth * Rigid3(turn, center - turn * center), Vector6::Zero()};
   };
   // Learned at a pose that is not right: most of what is inside is the truck all the same.
-  const PoseFitter fitter(scene().bank.model());
-  const ColorSilhouettes colors(frames, scene().bank.model(), fitter, rotated(0.2, {0, 1, 0}),
+  const ColorSilhouettes colors(frames, scene().bank.model(), rotated(0.2, {0, 1, 0}),
                                 std::vector{1.0, 1.0, 0.0});
   ASSERT_EQ(colors.cameras().size(), 1u)
       << "of the second the colors say little, the third does not show it";

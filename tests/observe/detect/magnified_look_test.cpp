@@ -84,7 +84,7 @@ TEST(Magnified, ImageIsTheFrameAsItIs) {
   EXPECT_TRUE(kept.full_luma.empty()) << "not wanted";
   ASSERT_TRUE(kept.store(*frame, model, true));
   HalfSizeImage magnified;
-  kept.magnify(magnified);
+  kept.magnify(magnified, {0, 0, model.width(), model.height()});
   ASSERT_EQ(magnified.width, model.width());
   ASSERT_EQ(magnified.height, model.height());
   const PlaneView luma = frame->gray();

@@ -8,14 +8,12 @@
 namespace sightline::observe {
 
 ColorSilhouettes::ColorSilhouettes(const DetectorFrames& frames, const ViewpointModel& model,
-                                   const PoseFitter& fitter, const RigMotion& motion,
-                                   std::span<const double> scores) {
+                                   const RigMotion& motion, std::span<const double> scores) {
   for (size_t i = 0; i < frames.size(); ++i) {
     if (scores[i] < kMinCameraContour) continue;
-    const Rigid3 here = motion.at(frames.fit_cameras()[i].seconds);
-    const FitCamera& camera = fitter.look(frames.fit_cameras()[i], here);
+    const FitCamera& camera = frames.fit_cameras()[i];
     const CameraModel& lens = camera.camera->model;
-    const Rigid3 camera_from_object = camera.camera_from_world * here;
+    const Rigid3 camera_from_object = camera.camera_from_world * motion.at(camera.seconds);
     const Eigen::Vector3d center = camera_from_object * model.center();
     const auto pixel = lens.project(center);
     const View view = model.view(model.nearest(camera_from_object));

@@ -17,8 +17,7 @@ class ColorSilhouettes {
   /// `scores`: of the pose, by camera that takes part; those below kMinCameraContour do not show
   /// it.
   ColorSilhouettes(const DetectorFrames& frames, const ViewpointModel& model,
-                   const PoseFitter& fitter, const RigMotion& motion,
-                   std::span<const double> scores);
+                   const RigMotion& motion, std::span<const double> scores);
   ColorSilhouettes(const ColorSilhouettes&) = delete;
   ColorSilhouettes& operator=(const ColorSilhouettes&) = delete;
 

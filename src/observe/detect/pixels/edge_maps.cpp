@@ -41,17 +41,37 @@ int edge_bin(float x, float y) {
   return (static_cast<int>(std::lround(turns)) + 2 * kEdgeBins) % kEdgeBins;
 }
 
-void EdgeImage::compute(const HalfSizeImage& image) {
-  width_ = image.width;
-  height_ = image.height;
-  const size_t size = static_cast<size_t>(width_) * static_cast<size_t>(height_);
-  gradient_x_.assign(size, 0);
-  gradient_y_.assign(size, 0);
-  magnitude_.assign(size, 0);
-  bins_.assign(size, 0);
+void EdgeImage::compute(const HalfSizeImage& image, const PixelBox& box) {
+  clear(image.width, image.height);
+  box_ = {std::clamp(box.left, 0, width_), std::clamp(box.top, 0, height_),
+          std::clamp(box.right, 0, width_), std::clamp(box.bottom, 0, height_)};
   find_gradients(image);
   choose_threshold();
   thin();
+}
+
+// What was in the box before, or everything.
+void EdgeImage::clear(int width, int height) {
+  if (width != width_ || height != height_) {
+    const size_t size = static_cast<size_t>(width) * static_cast<size_t>(height);
+    for (auto* values : {&gradient_x_, &gradient_y_, &magnitude_}) values->assign(size, 0);
+    bins_.assign(size, 0);
+    width_ = width;
+    height_ = height;
+    return;
+  }
+  for (int y = box_.top; y < box_.bottom; ++y) {
+    const size_t first = pixel_index(box_.left, y, width_),
+                 end = pixel_index(box_.right, y, width_);
+    const auto zero = [&](auto& values) {
+      std::fill(values.begin() + static_cast<ptrdiff_t>(first),
+                values.begin() + static_cast<ptrdiff_t>(end), 0);
+    };
+    zero(gradient_x_);
+    zero(gradient_y_);
+    zero(magnitude_);
+    zero(bins_);
+  }
 }
 
 void EdgeImage::keep_where(const std::vector<uint8_t>& near) {
@@ -61,18 +81,24 @@ void EdgeImage::keep_where(const std::vector<uint8_t>& near) {
   }
 }
 
+// Of every pixel in it the neighbors are known.
+PixelBox EdgeImage::inner(const PixelBox& box) {
+  return {box.left + 1, box.top + 1, box.right - 1, box.bottom - 1};
+}
+
 // Sobel, divided so that a ramp of one level per pixel has gradient one.
 void EdgeImage::find_gradients(const HalfSizeImage& image) {
+  const auto [left, top, right, bottom] = inner(box_);
   for (size_t plane = 0; plane < 3; ++plane) {
     const float weight = plane == 0 ? 0.125f : 0.125f * kColorWeight;
-    for (int y = 1; y + 1 < height_; ++y) {
+    for (int y = top; y < bottom; ++y) {
       const uint8_t* above = image.row(plane, y - 1);
       const uint8_t* here = image.row(plane, y);
       const uint8_t* below = image.row(plane, y + 1);
       float* gx = gradient_x_.data() + pixel_index(0, y, width_);
       float* gy = gradient_y_.data() + pixel_index(0, y, width_);
       float* strength = magnitude_.data() + pixel_index(0, y, width_);
-      for (int x = 1; x + 1 < width_; ++x) {
+      for (int x = left; x < right; ++x) {
         const int dx = above[x + 1] - above[x - 1] + 2 * (here[x + 1] - here[x - 1]) +
                        below[x + 1] - below[x - 1];
         const int dy =
@@ -86,12 +112,22 @@ void EdgeImage::find_gradients(const HalfSizeImage& image) {
       }
     }
   }
-  for (float& value : magnitude_) value = std::sqrt(value);
+  for (int y = top; y < bottom; ++y) {
+    float* strength = magnitude_.data() + pixel_index(0, y, width_);
+    for (int x = left; x < right; ++x) strength[x] = std::sqrt(strength[x]);
+  }
 }
 
 void EdgeImage::choose_threshold() {
   sorted_.clear();
-  for (size_t i = 0; i < magnitude_.size(); i += 7) sorted_.push_back(magnitude_[i]);
+  // Every seventh pixel of the box, row by row.
+  size_t skip = 0;
+  for (int y = box_.top; y < box_.bottom; ++y) {
+    const size_t end = pixel_index(box_.right, y, width_);
+    size_t i = pixel_index(box_.left, y, width_) + skip;
+    for (; i < end; i += 7) sorted_.push_back(magnitude_[i]);
+    skip = i - end;
+  }
   const auto middle = sorted_.begin() + static_cast<ptrdiff_t>(sorted_.size() / 2);
   std::nth_element(sorted_.begin(), middle, sorted_.end());
   threshold_ = sorted_.empty() ? kMinGradient : std::max(kMinGradient, kEdgeOverMedian * *middle);
@@ -99,8 +135,9 @@ void EdgeImage::choose_threshold() {
 
 // Keeps what is a ridge across its own direction.
 void EdgeImage::thin() {
-  for (int y = 1; y + 1 < height_; ++y) {
-    for (int x = 1; x + 1 < width_; ++x) {
+  const auto [left, top, right, bottom] = inner(box_);
+  for (int y = top; y < bottom; ++y) {
+    for (int x = left; x < right; ++x) {
       const size_t i = pixel_index(x, y, width_);
       const float strength = magnitude_[i];
       if (strength < threshold_) continue;

@@ -23,7 +23,9 @@ inline int angle_bin(float angle) {
 /// Gradients of luma and of both colors compete.
 class EdgeImage {
  public:
-  void compute(const HalfSizeImage& image);
+  void compute(const HalfSizeImage& image) { compute(image, {0, 0, image.width, image.height}); }
+  /// Those within a part of it: elsewhere is none, and the image is not read.
+  void compute(const HalfSizeImage& image, const PixelBox& box);
   /// Forgets the edges of all pixels where `near` is 0.
   void keep_where(const std::vector<uint8_t>& near);
 
@@ -38,11 +40,14 @@ class EdgeImage {
   float threshold() const { return threshold_; }
 
  private:
+  static PixelBox inner(const PixelBox& box);
+  void clear(int width, int height);
   void find_gradients(const HalfSizeImage& image);
   void choose_threshold();
   void thin();
 
   int width_ = 0, height_ = 0;
+  PixelBox box_;  ///< of what is known
   float threshold_ = 0;
   std::vector<float> gradient_x_, gradient_y_, magnitude_, sorted_;
   std::vector<uint8_t> bins_;

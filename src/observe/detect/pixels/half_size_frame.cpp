@@ -14,13 +14,12 @@ void copy_plane(const PlaneView& from, std::vector<uint8_t>& to) {
   }
 }
 
-// Each pixel of a plane of half that size four times.
-void repeat_plane(const PlaneView& from, int width, int height, std::vector<uint8_t>& to) {
-  to.resize(static_cast<size_t>(width) * static_cast<size_t>(height));
-  for (int y = 0; y < height; ++y) {
+// Each pixel of a plane of half that size four times, within a box.
+void repeat_plane(const PlaneView& from, int width, const PixelBox& box, std::vector<uint8_t>& to) {
+  for (int y = box.top; y < box.bottom; ++y) {
     const uint8_t* row = from.row(std::min(y / 2, from.height - 1));
     uint8_t* out = to.data() + static_cast<size_t>(y) * static_cast<size_t>(width);
-    for (int x = 0; x < width; ++x) out[x] = row[std::min(x / 2, from.width - 1)];
+    for (int x = box.left; x < box.right; ++x) out[x] = row[std::min(x / 2, from.width - 1)];
   }
 }
 
@@ -59,12 +58,17 @@ bool HalfSizeFrame::store(const Frame& frame, const CameraModel& camera, bool ke
   return true;
 }
 
-void HalfSizeFrame::magnify(HalfSizeImage& to) const {
+void HalfSizeFrame::magnify(HalfSizeImage& to, const PixelBox& box) const {
   to.width = info.width;
   to.height = info.height;
-  to.planes[0] = full_luma;
+  for (std::vector<uint8_t>& plane : to.planes) plane.resize(full_luma.size());
+  for (int y = box.top; y < box.bottom; ++y) {
+    const auto row = static_cast<ptrdiff_t>(y) * to.width;
+    std::copy(full_luma.begin() + row + box.left, full_luma.begin() + row + box.right,
+              to.planes[0].begin() + row + box.left);
+  }
   for (size_t plane = 1; plane < 3; ++plane) {
-    repeat_plane(image.view(plane), to.width, to.height, to.planes[plane]);
+    repeat_plane(image.view(plane), to.width, box, to.planes[plane]);
   }
 }
 

@@ -13,6 +13,11 @@
 
 namespace sightline::observe {
 
+/// Pixels [left, right) x [top, bottom) of an image.
+struct PixelBox {
+  int left = 0, top = 0, right = 0, bottom = 0;
+};
+
 /// Luma and both color differences at one size.
 struct HalfSizeImage {
   int width = 0, height = 0;
@@ -36,8 +41,9 @@ struct HalfSizeFrame {
 
   /// False, and nothing changes, if the frame is damaged or not of the camera's size.
   bool store(const Frame& frame, const CameraModel& camera, bool keep_full_luma = false);
-  /// What a camera with twice as many pixels shows at half size; needs `full_luma`.
-  void magnify(HalfSizeImage& to) const;
+  /// What a camera with twice as many pixels shows at half size, within a part of it; needs
+  /// `full_luma`.
+  void magnify(HalfSizeImage& to, const PixelBox& box) const;
 };
 
 /// The camera with twice as many pixels in each direction: what it sees at half size is the image
