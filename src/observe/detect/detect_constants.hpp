@@ -2,7 +2,10 @@
 #pragma once
 
 #include <array>
+#include <chrono>
 #include <cstddef>
+
+#include "sightline/base/time.hpp"
 
 /// Tuned constants of the search by mesh, by stage. All were chosen on the recordings `bench`
 /// (a carton, its markers ignored) and `toy` (a truck, four cameras), and on rendered scenes with
@@ -21,6 +24,13 @@ constexpr float kBorderContrast = 0.5f;   // of the two sides of an edge between
 constexpr float kWithinResponse = 0.5f;   // of the response, to an edge within a region
 constexpr int kForegroundMargin = 3;      // [half-size px] edges so near to the foreground count
 constexpr double kMinForegroundShare = 3e-4;  // of the image, to search the foreground first
+
+// ---- motion ------------------------------------------------------------------------------------
+constexpr Duration kMotionGap = std::chrono::milliseconds(150);  // between images compared, about
+constexpr Duration kMotionAge = std::chrono::seconds(1);         // of what is compared with
+constexpr int kMotionContrast = 16;  // [levels, of all planes] mean over 3 x 3 pixels
+constexpr int kMotionMargin = 4;     // [half-size px] edges so near to what has changed count
+constexpr double kMinMotionShare = 5e-4, kMaxMotionShare = 0.4;  // of the image
 
 // ---- scan --------------------------------------------------------------------------------------
 constexpr double kMapShrink = 4;        // image pixels per pixel of the response maps

@@ -29,10 +29,10 @@ void DetectorFrames::magnify_where_small(const SearchDistances& distances, doubl
 void DetectorFrames::add(CameraId camera, const Frame& frame, const ForegroundMap* foreground) {
   for (size_t i = 0; i < cameras_.size(); ++i) {
     Slot& slot = slots_[i];
-    if (cameras_[i].id != camera ||
-        !slot.frame.store(frame, cameras_[i].calibration.model, slot.magnified != nullptr)) {
-      continue;
-    }
+    const CameraModel& lens = cameras_[i].calibration.model;
+    if (cameras_[i].id != camera || !HalfSizeFrame::can_store(frame, lens)) continue;
+    if (slot.frame.valid) slot.difference.remember(slot.frame.image, slot.frame.info.capture);
+    slot.frame.store(frame, lens, slot.magnified != nullptr);
     if (slot.frame.info.place) {
       cameras_[i].calibration.world_from_camera = slot.frame.info.place->world_from_camera;
     }
@@ -52,7 +52,20 @@ bool DetectorFrames::show_foreground() const {
   return static_cast<size_t>(showing) >= needed();
 }
 
-bool DetectorFrames::select(bool focused) {
+bool DetectorFrames::show_motion() {
+  executor_(slots_.size(), [&](size_t i) {
+    Slot& slot = slots_[i];
+    slot.motion.clear();
+    // A camera that turns sees everything move.
+    if (!slot.frame.valid || slot.frame.info.place) return;
+    slot.difference.find(slot.frame.image, slot.frame.info.capture, slot.motion);
+  });
+  const auto showing = std::count_if(slots_.begin(), slots_.end(),
+                                     [](const Slot& slot) { return !slot.motion.empty(); });
+  return static_cast<size_t>(showing) >= needed();
+}
+
+bool DetectorFrames::select(Where where) {
   active_.clear();
   newest_ = Time{};
   for (const Slot& slot : slots_) {
@@ -68,20 +81,27 @@ bool DetectorFrames::select(bool focused) {
   masks_.resize(active_.size());
   search_cameras_.resize(active_.size());
   fit_cameras_.resize(active_.size());
-  executor_(active_.size(), [&](size_t i) { prepare(i, focused); });
+  executor_(active_.size(), [&](size_t i) { prepare(i, where); });
   set_reference(newest_);
   return !active_.empty();
 }
 
-void DetectorFrames::prepare(size_t i, bool focused) {
+bool DetectorFrames::shows(size_t i, Where where) const {
+  if (where == Where::kMotion) return !masks_[i].empty();
+  return where == Where::kEverywhere || foreground(i) == nullptr || foreground(i)->share > 0;
+}
+
+void DetectorFrames::prepare(size_t i, Where where) {
   const CalibratedCamera& camera = cameras_[active_[i]].calibration;
   const HalfSizeImage& image = slots_[active_[i]].frame.image;
   edges_[i].compute(image);
   masks_[i].clear();
-  if (focused && foreground(i) != nullptr) {
+  if (where == Where::kForeground && foreground(i) != nullptr) {
     dilate_foreground(*foreground(i), masks_[i]);
-    edges_[i].keep_where(masks_[i]);
+  } else if (where == Where::kMotion) {
+    masks_[i] = slots_[active_[i]].motion;
   }
+  if (!masks_[i].empty()) edges_[i].keep_where(masks_[i]);
   SearchCamera& search = search_cameras_[i];
   search.camera = &camera;
   search.camera_from_world = camera.world_from_camera.inverse();
@@ -89,7 +109,7 @@ void DetectorFrames::prepare(size_t i, bool focused) {
   fit_cameras_[i] = {&camera, search.camera_from_world, &image, &edges_[i], 0, foreground(i)};
   Slot& slot = slots_[active_[i]];
   if (!slot.magnified) return;
-  slot.magnified->show(fit_cameras_[i], slot.frame, focused);
+  slot.magnified->show(fit_cameras_[i], slot.frame, masks_[i]);
   fit_cameras_[i].magnified = slot.magnified.get();
 }
 

@@ -8,6 +8,7 @@
 
 #include "observe/detect/magnified_look.hpp"
 #include "observe/detect/pixels/edge_maps.hpp"
+#include "observe/detect/pixels/frame_difference.hpp"
 #include "observe/detect/pixels/half_size_frame.hpp"
 #include "observe/detect/pixels/region_borders.hpp"
 #include "observe/detect/pose_fit.hpp"
@@ -37,10 +38,17 @@ class DetectorFrames {
   void add(CameraId camera, const Frame& frame, const ForegroundMap* foreground);
   /// As many cameras as are needed to believe a pose see foreground.
   bool show_foreground() const;
+  /// The same of what moves; looks for it.
+  bool show_motion();
 
-  /// Chooses the frames that take part and finds their edges; false without any. `focused`: only
-  /// edges near the foreground, where that is known. The reference time is that of the newest.
-  bool select(bool focused);
+  /// Which edges count: all, those near the foreground, or those near what moves (after
+  /// show_motion()); all of cameras of which that is not known.
+  enum class Where { kEverywhere, kForeground, kMotion };
+  /// Chooses the frames that take part and finds their edges; false without any. The reference time
+  /// is that of the newest.
+  bool select(Where where);
+  /// Whether there is any of that in the i-th camera that takes part, as far as is known.
+  bool shows(size_t i, Where where) const;
   /// Which edges the responses are to in full: where anything may be, those between regions lead
   /// out of clutter; near a place that is known, any will do.
   enum class Edges { kAll, kBorders };
@@ -77,11 +85,13 @@ class DetectorFrames {
     HalfSizeFrame frame;
     ForegroundMap foreground;
     bool has_foreground = false;
+    FrameDifference difference;
+    std::vector<uint8_t> motion;  ///< empty: not known, or too little or too much
     std::unique_ptr<MagnifiedLook> magnified;  ///< null: the object is never small in it
   };
   size_t needed() const;
   /// What the stages need of the i-th camera that takes part.
-  void prepare(size_t i, bool focused);
+  void prepare(size_t i, Where where);
 
   std::vector<DetectorCamera> cameras_;  ///< those that turn: as in their newest frame
   const Duration max_age_;

@@ -8,11 +8,12 @@
 
 namespace sightline::observe {
 
-void MagnifiedLook::show(const FitCamera& half, const HalfSizeFrame& frame, bool focused) {
+void MagnifiedLook::show(const FitCamera& half, const HalfSizeFrame& frame,
+                         const std::vector<uint8_t>& half_mask) {
   calibration_.world_from_camera = half.camera->world_from_camera;
   frame_ = &frame;
   half_foreground_ = half.foreground;
-  focused_ = focused && half_foreground_ != nullptr;
+  half_mask_ = half_mask.empty() ? nullptr : &half_mask;
   box_ = {0, 0, frame.info.width, frame.info.height};
   camera_ = {};
   camera_.camera = &calibration_;
@@ -47,10 +48,11 @@ void MagnifiedLook::find_edges() const {
   frame_->magnify(image_, box_);
   edges_.compute(image_, box_);
   images_.fetch_add(1, std::memory_order_relaxed);
-  if (half_foreground_ == nullptr) return;
-  magnify(*half_foreground_, image_.width, image_.height, foreground_);
-  if (!focused_) return;
-  dilate_foreground(foreground_, mask_);
+  if (half_foreground_ != nullptr) {
+    magnify(*half_foreground_, image_.width, image_.height, foreground_);
+  }
+  if (half_mask_ == nullptr) return;
+  magnify(*half_mask_, frame_->image.width, frame_->image.height, image_.width, image_.height, mask_);
   edges_.keep_where(mask_);
 }
 

@@ -18,8 +18,9 @@ class MagnifiedLook {
   explicit MagnifiedLook(CalibratedCamera camera) : calibration_(std::move(camera)) {}
 
   /// From now on that of this frame, which keeps its full luma. `half` is the same camera at half
-  /// size; where the foreground is known and `focused`, only edges near to it count.
-  void show(const FitCamera& half, const HalfSizeFrame& frame, bool focused);
+  /// size; only edges where `half_mask` is 1 count, all if it is empty. It has to live on.
+  void show(const FitCamera& half, const HalfSizeFrame& frame,
+            const std::vector<uint8_t>& half_mask);
   /// Nothing outside of this part of its image is asked for. Before it is asked for anything.
   void set_box(const PixelBox& box);
   void set_seconds(double seconds) { camera_.seconds = seconds; }
@@ -36,7 +37,7 @@ class MagnifiedLook {
   FitCamera camera_;
   const HalfSizeFrame* frame_ = nullptr;
   const ForegroundMap* half_foreground_ = nullptr;
-  bool focused_ = false;
+  const std::vector<uint8_t>* half_mask_ = nullptr;  ///< null: all edges count
   PixelBox box_;
   mutable std::mutex mutex_;  ///< of who finds them
   mutable std::atomic<bool> made_{false};

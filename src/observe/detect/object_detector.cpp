@@ -24,6 +24,8 @@ namespace sightline {
 using namespace observe;
 
 class ObjectDetector::Impl {
+  using Where = DetectorFrames::Where;
+
  public:
   Impl(ObjectId object, std::shared_ptr<const ViewpointModel> views,
        std::vector<DetectorCamera> cameras, const DetectorOptions& options,
@@ -54,7 +56,7 @@ class ObjectDetector::Impl {
     hint_ = hint;
     // Of many poses at a place in an image some fit: those elsewhere have to be known, too.
     const auto* pose = std::get_if<Rigid3>(&hint);
-    if (pose == nullptr || !frames_.select(false)) return out;
+    if (pose == nullptr || !frames_.select(Where::kEverywhere)) return out;
     frames_.compute_responses(distances_.map_margin, DetectorFrames::Edges::kAll);
     out.time = frames_.newest();
     const auto cameras = frames_.silhouette_cameras(distances_);
@@ -70,14 +72,15 @@ class ObjectDetector::Impl {
 
   Detection detect(const ColorVerifier* colors) {
     Detection out;
-    const bool focused = !everywhere_next_ && frames_.show_foreground();
-    if (!frames_.select(focused)) return out;
+    const Where where = next_where();
+    const bool focused = where != Where::kEverywhere;
+    if (!frames_.select(where)) return out;
     frames_.compute_responses(distances_.map_margin, DetectorFrames::Edges::kBorders);
-    const size_t scanned = scan_.next_camera(frames_, focused);
+    const size_t scanned = scan_.next_camera(frames_, where);
     out.time = frames_.info(scanned).capture;
     frames_.set_reference(out.time);
     std::vector<JudgedPose> judged;
-    if (focused) {
+    if (where == Where::kForeground) {
       const auto cameras = frames_.silhouette_cameras(distances_);
       std::vector<RigMotion> starts;
       for (const Rigid3& pose : verification_.by_silhouettes(frames_, cameras)) {
@@ -107,15 +110,15 @@ class ObjectDetector::Impl {
     } else {
       out.by_contour = same_place(out, by_contour);
     }
-    everywhere_next_ = focused && out.poses.empty();
+    note_searched(where, !out.poses.empty() || weakly_found_.any());
     forget_told();
     return out;
   }
 
   void explain(DetectionTrace& trace, const ColorVerifier* colors) {
-    if (!frames_.select(false)) return;
+    if (!frames_.select(Where::kEverywhere)) return;
     frames_.compute_responses(distances_.map_margin, DetectorFrames::Edges::kBorders);
-    const size_t scanned = scan_.next_camera(frames_, false);
+    const size_t scanned = scan_.next_camera(frames_, Where::kEverywhere);
     trace.time = frames_.info(scanned).capture;
     frames_.set_reference(trace.time);
     const auto mesh_colors = colors_of(colors);
@@ -150,7 +153,7 @@ class ObjectDetector::Impl {
 
   Detection judge(const PoseProposals& proposals) {
     Detection out;
-    if (proposals.poses.empty() || !frames_.select(false)) return out;
+    if (proposals.poses.empty() || !frames_.select(Where::kEverywhere)) return out;
     out.time = proposals.time;
     frames_.set_reference(out.time);
     std::vector<JudgedPose> judged;
@@ -166,7 +169,7 @@ class ObjectDetector::Impl {
 
   Detection follow(const Detection& earlier) {
     Detection out;
-    if (earlier.poses.empty() || !frames_.select(false)) return out;
+    if (earlier.poses.empty() || !frames_.select(Where::kEverywhere)) return out;
     frames_.compute_responses(distances_.map_margin, DetectorFrames::Edges::kAll);
     out.time = frames_.newest();
     const auto cameras = frames_.silhouette_cameras(distances_);
@@ -202,7 +205,7 @@ class ObjectDetector::Impl {
   OrientationComparison compare_orientations(const RigMotion& motion, Time time,
                                              const ColorVerifier* colors) {
     OrientationComparison out;
-    if (!frames_.select(false)) return out;
+    if (!frames_.select(Where::kEverywhere)) return out;
     frames_.set_reference(time);
     std::vector<ContourPose> poses = contours_.compare(frames_, motion, fitter_.rotated(motion));
     if (colors != nullptr) weigh_by_colors(*colors, time, poses);
@@ -232,6 +235,19 @@ class ObjectDetector::Impl {
 
  private:
   const ViewpointModel& model() const { return bank_.model(); }
+
+  // What is new, what moves, everything, by turns as long as nothing is found.
+  Where next_where() {
+    const bool again = !in_vain_ || in_vain_ == Where::kEverywhere;
+    if (again && frames_.show_foreground()) return Where::kForeground;
+    if ((again || in_vain_ == Where::kForeground) && frames_.show_motion()) return Where::kMotion;
+    return Where::kEverywhere;
+  }
+
+  void note_searched(Where where, bool found) {
+    in_vain_.reset();
+    if (!found) in_vain_ = where;
+  }
 
   void note_hits(const ScanResult& hits, DetectionTrace& trace) const {
     const SearchCamera& camera = frames_.search_cameras()[hits.camera];
@@ -411,7 +427,7 @@ class ObjectDetector::Impl {
   std::optional<ColorTemplates> color_templates_;  ///< made when they are first asked for
   std::optional<SearchHint> hint_;                 ///< for the next detect()
   std::vector<RigMotion> told_;   ///< what came nearest to such a pose, in these frames
-  bool everywhere_next_ = false;  ///< a search of the foreground has found nothing
+  std::optional<Where> in_vain_;  ///< where the newest search has found nothing
   WeakDetections weakly_found_;   ///< by contours in the newest searches, not yet believed
 };
 

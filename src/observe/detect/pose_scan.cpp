@@ -26,12 +26,8 @@ void keep_best(std::vector<ScanHit>& hits, const ScanRange& range, const MeshCol
 
 }  // namespace
 
-size_t PoseScan::next_camera(const DetectorFrames& frames, bool focused) {
-  for (size_t i = 0; focused && i < frames.size(); ++i) {
-    const ForegroundMap* foreground = frames.foreground(next_ % frames.size());
-    if (foreground == nullptr || foreground->share > 0) break;
-    ++next_;
-  }
+size_t PoseScan::next_camera(const DetectorFrames& frames, DetectorFrames::Where where) {
+  for (size_t i = 0; i < frames.size() && !frames.shows(next_ % frames.size(), where); ++i) ++next_;
   return next_++ % frames.size();
 }
 

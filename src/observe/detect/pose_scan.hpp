@@ -28,8 +28,9 @@ class PoseScan {
            Executor executor = run_serially)
       : bank_(bank), distances_(distances), max_hits_(max_hits), executor_(std::move(executor)) {}
 
-  /// The camera to be scanned: the next one each time; if `focused`, one that shows foreground.
-  size_t next_camera(const DetectorFrames& frames, bool focused);
+  /// The camera to be scanned: the next one each time; of those that show what is looked for, if
+  /// any does.
+  size_t next_camera(const DetectorFrames& frames, DetectorFrames::Where where);
   /// Needs the response maps of the frames. `focused`: on the foreground only. With `colors` of the
   /// mesh half of the hits are those of many more that they agree best with; null: it has none.
   ScanResult scan(const DetectorFrames& frames, size_t camera, bool focused,

@@ -53,7 +53,7 @@ struct Scene {
     DetectorFrames out(cameras, stage_options());
     test::add_first_frames(rig,
                            [&](CameraId id, const Frame& frame) { out.add(id, frame, nullptr); });
-    EXPECT_TRUE(out.select(false));
+    EXPECT_TRUE(out.select(DetectorFrames::Where::kEverywhere));
     return out;
   }
 
@@ -121,7 +121,7 @@ TEST(SearchDistances, ComeFromTheVolume) {
 
 TEST(DetectorFrames, LeaveOutWhatIsTooOld) {
   DetectorFrames frames(scene().cameras, stage_options());
-  EXPECT_FALSE(frames.select(false)) << "without a frame";
+  EXPECT_FALSE(frames.select(DetectorFrames::Where::kEverywhere)) << "without a frame";
   const test::SceneRig& rig = scene().rig;
   const auto add_of = [&](int camera, auto shot) {
     for (; shot != rig.shots().end(); ++shot) {
@@ -132,14 +132,14 @@ TEST(DetectorFrames, LeaveOutWhatIsTooOld) {
   };
   add_of(0, rig.shots().begin());
   add_of(1, rig.shots().begin());
-  ASSERT_TRUE(frames.select(false));
+  ASSERT_TRUE(frames.select(DetectorFrames::Where::kEverywhere));
   EXPECT_EQ(frames.size(), 2u);
   EXPECT_TRUE(frames.silhouette_cameras(scene().distances).empty()) << "no background is known";
   const auto later = std::find_if(rig.shots().begin(), rig.shots().end(), [&](const auto& shot) {
     return shot.stamp - rig.shots().front().stamp > std::chrono::milliseconds(150);
   });
   add_of(1, later);
-  ASSERT_TRUE(frames.select(false));
+  ASSERT_TRUE(frames.select(DetectorFrames::Where::kEverywhere));
   ASSERT_EQ(frames.size(), 1u);
   EXPECT_EQ(frames.camera_index(0), 1u);
   EXPECT_EQ(frames.newest(), frames.info(0).capture);

@@ -44,7 +44,7 @@ struct FarScene {
     }
     test::add_first_frames(rig,
                            [&](CameraId id, const Frame& frame) { out.add(id, frame, nullptr); });
-    EXPECT_TRUE(out.select(false));
+    EXPECT_TRUE(out.select(DetectorFrames::Where::kEverywhere));
     return out;
   }
 
@@ -123,7 +123,7 @@ TEST(Magnified, OnlyWhereTheObjectIsSmall) {
                             fitter.width());
   test::add_first_frames(scene().rig,
                          [&](CameraId id, const Frame& frame) { large.add(id, frame, nullptr); });
-  ASSERT_TRUE(large.select(false));
+  ASSERT_TRUE(large.select(DetectorFrames::Where::kEverywhere));
   for (const FitCamera& camera : large.fit_cameras()) EXPECT_EQ(camera.magnified, nullptr);
 }
 
@@ -137,7 +137,7 @@ TEST(Magnified, NotWhereNoiseWouldHideTheEdges) {
       search_distances(scene().cameras, scene().views->radius(), scene().detector), fitter.width());
   test::add_first_frames(noisy,
                          [&](CameraId id, const Frame& frame) { frames.add(id, frame, nullptr); });
-  ASSERT_TRUE(frames.select(false));
+  ASSERT_TRUE(frames.select(DetectorFrames::Where::kEverywhere));
   for (const FitCamera& camera : frames.fit_cameras()) {
     EXPECT_EQ(&fitter.look(camera, scene().truth), &camera);
   }
@@ -201,7 +201,7 @@ TEST(Magnified, ForegroundIsThatOfTheHalfSize) {
     map.share = 0.02;
     frames.add(id, frame, &map);
   });
-  ASSERT_TRUE(frames.select(true));
+  ASSERT_TRUE(frames.select(DetectorFrames::Where::kForeground));
   for (const FitCamera& camera : frames.fit_cameras()) {
     ASSERT_NE(camera.magnified, nullptr);
     const ForegroundMap* large = camera.magnified->camera()->foreground;

@@ -87,7 +87,7 @@ struct Search {
         templates(bank, test::samples_of(mesh)) {
     test::add_first_frames(
         rig, [&](CameraId id, const Frame& frame) { frames.add(id, frame, nullptr); });
-    EXPECT_TRUE(frames.select(false));
+    EXPECT_TRUE(frames.select(DetectorFrames::Where::kEverywhere));
     std::vector<const HalfSizeImage*> images;
     for (const FitCamera& camera : frames.fit_cameras()) images.push_back(camera.image);
     colors = std::make_unique<const MeshColors>(bank, templates, frames.search_cameras(), images,

@@ -20,6 +20,8 @@ class WeakDetections {
   /// steady motion. Nothing is remembered then.
   bool confirms(const Detection& found);
   void clear() { row_.clear(); }
+  /// Something waits to be found again.
+  bool any() const { return !row_.empty(); }
 
  private:
   bool follows(const Detection& found) const;

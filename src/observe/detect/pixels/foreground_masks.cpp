@@ -26,16 +26,22 @@ void dilate_foreground(const ForegroundMap& map, std::vector<uint8_t>& mask) {
   }
 }
 
+void magnify(const std::vector<uint8_t>& from, int from_width, int from_height, int width,
+             int height, std::vector<uint8_t>& to) {
+  to.resize(static_cast<size_t>(width) * static_cast<size_t>(height));
+  for (int y = 0; y < height; ++y) {
+    const uint8_t* row = from.data() + static_cast<size_t>(std::min(y / 2, from_height - 1)) *
+                                           static_cast<size_t>(from_width);
+    uint8_t* out = to.data() + static_cast<size_t>(y) * static_cast<size_t>(width);
+    for (int x = 0; x < width; ++x) out[x] = row[std::min(x / 2, from_width - 1)];
+  }
+}
+
 void magnify(const ForegroundMap& from, int width, int height, ForegroundMap& to) {
   to.width = width;
   to.height = height;
   to.share = from.share;
-  to.classes.resize(static_cast<size_t>(to.width) * static_cast<size_t>(to.height));
-  for (int y = 0; y < to.height; ++y) {
-    const uint8_t* row = from.row(std::min(y / 2, from.height - 1));
-    uint8_t* out = to.classes.data() + static_cast<size_t>(y) * static_cast<size_t>(to.width);
-    for (int x = 0; x < to.width; ++x) out[x] = row[std::min(x / 2, from.width - 1)];
-  }
+  magnify(from.classes, from.width, from.height, width, height, to.classes);
 }
 
 }  // namespace sightline::observe

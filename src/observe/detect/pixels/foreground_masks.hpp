@@ -11,6 +11,9 @@ namespace sightline::observe {
 /// 1 at pixels that are not background, and at those around them.
 void dilate_foreground(const ForegroundMap& map, std::vector<uint8_t>& mask);
 
+/// A mask in twice as many pixels in each direction, as many as an image of this size has.
+void magnify(const std::vector<uint8_t>& from, int from_width, int from_height, int width,
+             int height, std::vector<uint8_t>& to);
 /// The map in twice as many pixels in each direction, as many as an image of this size has.
 void magnify(const ForegroundMap& from, int width, int height, ForegroundMap& to);
 

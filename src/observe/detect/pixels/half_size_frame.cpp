@@ -41,10 +41,13 @@ bool has_colors(const HalfSizeImage& image) {
   return false;
 }
 
+bool HalfSizeFrame::can_store(const Frame& frame, const CameraModel& camera) {
+  return frame.info().status != FrameStatus::kDamaged && frame.info().width == camera.width() &&
+         frame.info().height == camera.height();
+}
+
 bool HalfSizeFrame::store(const Frame& frame, const CameraModel& camera, bool keep_full_luma) {
-  if (frame.info().status == FrameStatus::kDamaged || frame.info().width != camera.width() ||
-      frame.info().height != camera.height())
-    return false;
+  if (!can_store(frame, camera)) return false;
   info = frame.info();
   const PlaneView luma = frame.half_gray();
   const I420View full = frame.i420();

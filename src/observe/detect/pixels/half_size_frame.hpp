@@ -39,7 +39,9 @@ struct HalfSizeFrame {
   std::vector<uint8_t> full_luma;  ///< of the frame as it is; empty: not wanted
   bool valid = false;
 
-  /// False, and nothing changes, if the frame is damaged or not of the camera's size.
+  /// The frame is not damaged, and of the camera's size.
+  static bool can_store(const Frame& frame, const CameraModel& camera);
+  /// False, and nothing changes, if it cannot.
   bool store(const Frame& frame, const CameraModel& camera, bool keep_full_luma = false);
   /// What a camera with twice as many pixels shows at half size, within a part of it; needs
   /// `full_luma`.

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "observe/detect/pixels/frame_difference.hpp"
+
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <utility>
+
+#include "observe/detect/detect_constants.hpp"
+#include "observe/terms/opencv_threads.hpp"
+
+namespace sightline::observe {
+namespace {
+
+cv::Mat plane_of(const HalfSizeImage& image, size_t plane) {
+  // OpenCV has no view of what is constant; it is only read.
+  return {image.height, image.width, CV_8UC1, const_cast<uint8_t*>(image.planes[plane].data())};
+}
+
+// Sum over 3 x 3 pixels of what each plane has changed by, their magnitudes added. Averaged before
+// the magnitude is taken, so that noise is less.
+cv::Mat changes(const HalfSizeImage& before, const HalfSizeImage& now) {
+  cv::Mat sum, difference, smooth;
+  for (size_t plane = 0; plane < 3; ++plane) {
+    cv::subtract(plane_of(now, plane), plane_of(before, plane), difference, cv::noArray(), CV_16S);
+    cv::boxFilter(difference, smooth, CV_16S, {3, 3}, {-1, -1}, false);
+    smooth = cv::abs(smooth);
+    if (plane == 0) {
+      sum = smooth.clone();
+    } else {
+      sum += smooth;
+    }
+  }
+  return sum;
+}
+
+}  // namespace
+
+void FrameDifference::remember(HalfSizeImage& image, Time capture) {
+  const bool first = newer_.image.width == 0;
+  if (!first && capture - newer_.capture < kMotionGap) return;
+  std::swap(older_, newer_);
+  std::swap(newer_.image, image);
+  newer_.capture = capture;
+}
+
+// The newer one, unless it is so new that hardly anything has moved since.
+const FrameDifference::Remembered& FrameDifference::reference(Time capture) const {
+  const bool older = capture - newer_.capture < kMotionGap && older_.image.width > 0;
+  return older ? older_ : newer_;
+}
+
+bool FrameDifference::find(const HalfSizeImage& now, Time capture,
+                           std::vector<uint8_t>& mask) const {
+  mask.clear();
+  const Remembered& before = reference(capture);
+  if (before.image.width != now.width || before.image.height != now.height ||
+      capture <= before.capture || capture - before.capture > kMotionAge)
+    return false;
+  keep_opencv_in_one_thread();
+  cv::Mat moved = changes(before.image, now) > 9 * kMotionContrast;
+  const double share = cv::countNonZero(moved) / static_cast<double>(moved.total());
+  if (share < kMinMotionShare || share > kMaxMotionShare) return false;
+  const int side = 2 * kMotionMargin + 1;
+  mask.resize(moved.total());
+  cv::Mat out(moved.rows, moved.cols, CV_8UC1, mask.data());
+  cv::dilate(moved & 1, out, cv::Mat::ones(side, side, CV_8UC1));
+  return true;
+}
+
+}  // namespace sightline::observe
