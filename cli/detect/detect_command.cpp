@@ -282,6 +282,9 @@ void add_detect(CLI::App& app, Command& chosen) {
       ->check(CLI::PositiveNumber);
   command->add_option("--limit", search.limit, "stop after so many sets of an object")
       ->check(CLI::PositiveNumber);
+  command->add_flag("--moving", search.moving,
+                    "only where something has moved since the set that was searched before, if "
+                    "anything has");
   command->add_flag("--explain", search.explain,
                     "where the truth stands after each stage, and what the stages and the trackers "
                     "say of it and of the best pose");

@@ -37,16 +37,18 @@ class SetSearcher {
  public:
   static Result<std::unique_ptr<SetSearcher>> create(const Installation& installation,
                                                      std::vector<TruthRow> truth, bool key_frames,
-                                                     bool foreign, bool explain) {
+                                                     bool foreign,
+                                                     const SetSearchOptions& options) {
     std::unique_ptr<SetSearcher> made(new SetSearcher());
     made->installation_ = installation;
     made->cameras_ = detector_cameras(installation);
     made->truth_ = std::move(truth);
     made->max_gap_ = key_frames ? Duration(0) : kMaxTruthGap;
     made->foreign_ = foreign;
-    made->explain_ = explain;
+    made->moving_ = options.moving;
+    made->explain_ = options.explain;
     SL_ASSIGN(made->rig_, load_rig(made->installation_));
-    if (explain) SL_RETURN_IF_ERROR(made->prepare_explanation());
+    if (options.explain) SL_RETURN_IF_ERROR(made->prepare_explanation());
     return made;
   }
 
@@ -59,9 +61,12 @@ class SetSearcher {
       return make_error(ErrorCode::kInvalidInput, installation_.file.string(),
                         "no camera looks for objects");
     }
-    for (const FramePtr& frame : frames) {
+    const auto add = [&](const FramePtr& frame) {
       if (frame) search->add_frame(frame->info().camera, *frame, {});
-    }
+    };
+    std::for_each(before_.begin(), before_.end(), add);
+    std::for_each(frames.begin(), frames.end(), add);
+    if (moving_) before_ = frames;
     SetResult out;
     out.time = now;
     const double cpu = process_cpu_ms();
@@ -122,6 +127,7 @@ class SetSearcher {
   Explanation explain(const std::vector<FramePtr>& frames) {
     Explanation out;
     out.trace.clock = process_cpu_ms;
+    out.trace.moving = moving_;
     for (const FramePtr& frame : frames) {
       if (!frame) continue;
       detector_->add_frame(frame->info().camera, *frame);
@@ -189,7 +195,8 @@ class SetSearcher {
   Rig rig_;
   std::vector<TruthRow> truth_;
   Duration max_gap_{};
-  bool foreign_ = false, explain_ = false;
+  bool foreign_ = false, moving_ = false, explain_ = false;
+  std::vector<FramePtr> before_;              // searched before, if what moves is looked for
   std::unique_ptr<ObjectDetector> detector_;  // this and what follows: to explain
   std::unique_ptr<ColorVerifier> colors_;     // null: the mesh has none
   std::vector<std::unique_ptr<CameraObserver>> observers_;
@@ -299,8 +306,8 @@ Status search_sets(const SetSearchOptions& options, const OnSet& on_set) {
               truth_of(sparse ? key_frames : options.recording / "truth.csv",
                        foreign ? "" : object.description.name));
     const bool has_truth = !truth.empty();
-    SL_ASSIGN(auto searcher, SetSearcher::create(installation, std::move(truth), sparse, foreign,
-                                                 options.explain));
+    SL_ASSIGN(auto searcher,
+              SetSearcher::create(installation, std::move(truth), sparse, foreign, options));
     SL_RETURN_IF_ERROR(play(options, recording, *searcher, has_truth,
                             sparse && has_truth ? 1 : options.every, on_set));
   }

@@ -26,6 +26,7 @@ struct SetSearchOptions {
   std::filesystem::path object_file;  ///< look for this one, which is not there; empty: its own
   size_t every = 10;                  ///< every so many sets; key frames: each
   size_t limit = SIZE_MAX;
+  bool moving = false;  ///< where something has moved since the set that was searched before
   bool explain = false;
 };
 
@@ -62,7 +63,8 @@ struct Explanation {
   std::optional<ExplainedPose> at_truth, at_best;
 };
 
-/// One set of frames, the newest of every camera, searched by itself: no background, no memory.
+/// One set of frames, the newest of every camera, searched by itself: no background, no memory but
+/// of the set before, if what moves is looked for.
 struct SetResult {
   Time time{};  ///< of the newest frame
   std::optional<Rigid3> truth;

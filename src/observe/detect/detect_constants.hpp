@@ -28,8 +28,9 @@ constexpr double kMinForegroundShare = 3e-4;  // of the image, to search the for
 // ---- motion ------------------------------------------------------------------------------------
 constexpr Duration kMotionGap = std::chrono::milliseconds(150);  // between images compared, about
 constexpr Duration kMotionAge = std::chrono::seconds(1);         // of what is compared with
-constexpr int kMotionContrast = 16;  // [levels, of all planes] mean over 3 x 3 pixels
-constexpr int kMotionMargin = 4;     // [half-size px] edges so near to what has changed count
+constexpr double kMotionContrast = 16;   // [levels, of all planes] mean over 3 x 3 pixels
+constexpr double kMotionOverMedian = 3;  // noise everywhere does not move
+constexpr int kMotionMargin = 4;         // [half-size px] edges so near to what has changed count
 constexpr double kMinMotionShare = 5e-4, kMaxMotionShare = 0.4;  // of the image
 
 // ---- scan --------------------------------------------------------------------------------------
@@ -40,6 +41,7 @@ constexpr size_t kOutlineFeatures = 20;    // of a template; the rest are inner 
 constexpr int kScanRowStep = 2;            // the responses are spread over more than that
 constexpr size_t kColoredHits = 4;         // times as many hits are compared by colors
 constexpr size_t kFocusedHitsDivisor = 8;  // fewer hits where only the foreground is searched
+constexpr size_t kMovingHitsDivisor = 2;   // the same where something moves
 
 // ---- verify ------------------------------------------------------------------------------------
 constexpr double kClutterResponse = 0.4;  // mean response of any template in clutter

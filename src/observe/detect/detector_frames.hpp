@@ -86,7 +86,7 @@ class DetectorFrames {
     ForegroundMap foreground;
     bool has_foreground = false;
     FrameDifference difference;
-    std::vector<uint8_t> motion;  ///< empty: not known, or too little or too much
+    std::vector<uint8_t> motion;               ///< empty: not known, or too little or too much
     std::unique_ptr<MagnifiedLook> magnified;  ///< null: the object is never small in it
   };
   size_t needed() const;

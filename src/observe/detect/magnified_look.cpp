@@ -52,7 +52,8 @@ void MagnifiedLook::find_edges() const {
     magnify(*half_foreground_, image_.width, image_.height, foreground_);
   }
   if (half_mask_ == nullptr) return;
-  magnify(*half_mask_, frame_->image.width, frame_->image.height, image_.width, image_.height, mask_);
+  magnify(*half_mask_, frame_->image.width, frame_->image.height, image_.width, image_.height,
+          mask_);
   edges_.keep_where(mask_);
 }
 

@@ -73,7 +73,6 @@ class ObjectDetector::Impl {
   Detection detect(const ColorVerifier* colors) {
     Detection out;
     const Where where = next_where();
-    const bool focused = where != Where::kEverywhere;
     if (!frames_.select(where)) return out;
     frames_.compute_responses(distances_.map_margin, DetectorFrames::Edges::kBorders);
     const size_t scanned = scan_.next_camera(frames_, where);
@@ -95,7 +94,7 @@ class ObjectDetector::Impl {
     std::vector<ContourPose> contours;
     if (!clear) {
       const auto mesh_colors = colors_of(colors);
-      contours = search_contours(scan_.scan(frames_, scanned, focused, mesh_colors.get()),
+      contours = search_contours(scan_.scan(frames_, scanned, where, mesh_colors.get()),
                                  mesh_colors.get());
       for (const ContourPose& pose : contours) {
         judged.push_back(judge_.judge(fitter_.with_contrast(frames_.fit_cameras(), pose.fit)));
@@ -116,13 +115,15 @@ class ObjectDetector::Impl {
   }
 
   void explain(DetectionTrace& trace, const ColorVerifier* colors) {
-    if (!frames_.select(Where::kEverywhere)) return;
+    const bool moving = trace.moving && frames_.show_motion();
+    const Where where = moving ? Where::kMotion : Where::kEverywhere;
+    if (!frames_.select(where)) return;
     frames_.compute_responses(distances_.map_margin, DetectorFrames::Edges::kBorders);
-    const size_t scanned = scan_.next_camera(frames_, Where::kEverywhere);
+    const size_t scanned = scan_.next_camera(frames_, where);
     trace.time = frames_.info(scanned).capture;
     frames_.set_reference(trace.time);
     const auto mesh_colors = colors_of(colors);
-    const ScanResult hits = scan_.scan(frames_, scanned, false, mesh_colors.get());
+    const ScanResult hits = scan_.scan(frames_, scanned, where, mesh_colors.get());
     note_hits(hits, trace);
     contours_.search(frames_, verification_.by_edges(frames_, hits), mesh_colors.get(), &trace);
   }

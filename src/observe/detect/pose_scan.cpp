@@ -24,6 +24,17 @@ void keep_best(std::vector<ScanHit>& hits, const ScanRange& range, const MeshCol
   hits = std::move(kept);
 }
 
+size_t hits_divisor(DetectorFrames::Where where) {
+  switch (where) {
+    case DetectorFrames::Where::kForeground:
+      return kFocusedHitsDivisor;
+    case DetectorFrames::Where::kMotion:
+      return kMovingHitsDivisor;
+    default:
+      return 1;
+  }
+}
+
 }  // namespace
 
 size_t PoseScan::next_camera(const DetectorFrames& frames, DetectorFrames::Where where) {
@@ -31,11 +42,11 @@ size_t PoseScan::next_camera(const DetectorFrames& frames, DetectorFrames::Where
   return next_++ % frames.size();
 }
 
-ScanResult PoseScan::scan(const DetectorFrames& frames, size_t camera, bool focused,
+ScanResult PoseScan::scan(const DetectorFrames& frames, size_t camera, DetectorFrames::Where where,
                           const MeshColors* colors) const {
   ScanResult out;
   out.camera = camera;
-  out.range.max = focused ? max_hits_ / kFocusedHitsDivisor : max_hits_;
+  out.range.max = max_hits_ / hits_divisor(where);
   if (!frames.mask(camera).empty()) {
     const EdgeImage& edges = frames.edges(camera);
     const float scale = distances_.cameras[frames.camera_index(camera)].scales.front();

@@ -31,9 +31,9 @@ class PoseScan {
   /// The camera to be scanned: the next one each time; of those that show what is looked for, if
   /// any does.
   size_t next_camera(const DetectorFrames& frames, DetectorFrames::Where where);
-  /// Needs the response maps of the frames. `focused`: on the foreground only. With `colors` of the
+  /// Needs the response maps of the frames, selected with the same `where`. With `colors` of the
   /// mesh half of the hits are those of many more that they agree best with; null: it has none.
-  ScanResult scan(const DetectorFrames& frames, size_t camera, bool focused,
+  ScanResult scan(const DetectorFrames& frames, size_t camera, DetectorFrames::Where where,
                   const MeshColors* colors = nullptr) const;
   /// The same with the object's middle so near [px of the image] to a pixel only.
   ScanResult scan_about(const DetectorFrames& frames, size_t camera, const Eigen::Vector2d& pixel,

@@ -152,7 +152,7 @@ TEST(PoseScan, HitsTheObjectInOneCamera) {
   for (const size_t expected : {0u, 1u, 2u, 0u}) {
     EXPECT_EQ(scan.next_camera(frames, false), expected);
   }
-  const ScanResult found = scan.scan(frames, 1, false);
+  const ScanResult found = scan.scan(frames, 1, DetectorFrames::Where::kEverywhere);
   EXPECT_EQ(found.camera, 1u);
   EXPECT_LE(found.hits.size(), 12000u);
   const CalibratedCamera& camera = scene().cameras[1].calibration;
@@ -206,7 +206,8 @@ TEST(PoseVerification, FindsWhereAllCamerasAgree) {
   frames.compute_responses(scene().distances.map_margin, DetectorFrames::Edges::kBorders);
   const PoseScan scan(scene().bank, scene().distances, 12000);
   const PoseVerification verification(scene().bank, scene().silhouettes);
-  const auto poses = verification.by_edges(frames, scan.scan(frames, 0, false));
+  const auto poses =
+      verification.by_edges(frames, scan.scan(frames, 0, DetectorFrames::Where::kEverywhere));
   ASSERT_GT(poses.size(), 100u);
   const bool found = std::any_of(poses.begin(), poses.begin() + 100, [&](const JointPose& pose) {
     return translation_distance(pose.world_from_object, scene().truth) < 0.03 &&
@@ -411,7 +412,8 @@ TEST(ContourSearch, TheTruthStandsOutFromItsSurroundings) {
   const PoseScan scan(scene().bank, scene().distances, 12000);
   DetectionTrace trace;
   const PoseVerification verification(scene().bank, scene().silhouettes);
-  const auto verified = verification.by_edges(frames, scan.scan(frames, 0, false));
+  const auto verified =
+      verification.by_edges(frames, scan.scan(frames, 0, DetectorFrames::Where::kEverywhere));
   const auto poses = contours.search(frames, verified, nullptr, &trace);
   ASSERT_FALSE(poses.empty());
   const Rigid3& best = poses.front().fit.motion.world_from_object;

@@ -22,6 +22,7 @@ struct DetectionTrace {
   };
   double (*clock)() = nullptr;  ///< null: nobody asks for times
   Time time{};                  ///< that the poses refer to
+  bool moving = false;          ///< asked: where something moves only, if anything does
   std::vector<Stage> stages;
 };
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "observe/detect/pixels/frame_difference.hpp"
 
+#include <algorithm>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <utility>
@@ -33,6 +34,19 @@ cv::Mat changes(const HalfSizeImage& before, const HalfSizeImage& now) {
   return sum;
 }
 
+// Noise changes every pixel; the more of it there is, the more it takes to count.
+double least_change(const cv::Mat& changes) {
+  std::vector<int16_t> some;
+  for (int y = 0; y < changes.rows; y += 3) {
+    const auto* row = changes.ptr<int16_t>(y);
+    for (int x = y % 5; x < changes.cols; x += 5) some.push_back(row[x]);
+  }
+  if (some.empty()) return 0;
+  const auto middle = some.begin() + static_cast<ptrdiff_t>(some.size() / 2);
+  std::nth_element(some.begin(), middle, some.end());
+  return std::max(9 * kMotionContrast, kMotionOverMedian * *middle);
+}
+
 }  // namespace
 
 void FrameDifference::remember(HalfSizeImage& image, Time capture) {
@@ -57,7 +71,8 @@ bool FrameDifference::find(const HalfSizeImage& now, Time capture,
       capture <= before.capture || capture - before.capture > kMotionAge)
     return false;
   keep_opencv_in_one_thread();
-  cv::Mat moved = changes(before.image, now) > 9 * kMotionContrast;
+  const cv::Mat change = changes(before.image, now);
+  const cv::Mat moved = change > least_change(change);
   const double share = cv::countNonZero(moved) / static_cast<double>(moved.total());
   if (share < kMinMotionShare || share > kMaxMotionShare) return false;
   const int side = 2 * kMotionMargin + 1;
