@@ -103,7 +103,7 @@ class ObjectDetector::Impl {
     add_rotated(judged);
     judge_.decide(frames_, judged, out);
     if (colors != nullptr) weigh_by_colors(*colors, out.time, contours);
-    const Detection by_contour = found_by_contour(contours, out.time, colors);
+    const Detection by_contour = found_by_contour(contours, where, out.time, colors);
     if (out.poses.empty()) {
       out = by_contour;
     } else {
@@ -355,7 +355,7 @@ class ObjectDetector::Impl {
 
   // What stands out by little is believed when several searches in a row have found it, or one
   // where somebody said it is.
-  Detection found_by_contour(const std::vector<ContourPose>& contours, Time time,
+  Detection found_by_contour(const std::vector<ContourPose>& contours, Where where, Time time,
                              const ColorVerifier* colors) {
     Detection found;
     found.time = time;
@@ -366,8 +366,11 @@ class ObjectDetector::Impl {
     const RigMotion& best = contours.front().fit.motion;
     const double agreement =
         colors != nullptr ? colors->correlation(best.world_from_object, best.twist, time) : 1;
+    // Where only what moves is looked at, nothing that stands still is a rival.
+    const bool outline_alone = colors == nullptr && where == Where::kMotion;
+    const bool told_by_little = outline_alone || agreement < kFewColorsAgree;
     judge_.decide_by_contour(
-        frames_, contours, agreement < kFewColorsAgree ? kClearContourScore : kMinWeakScore,
+        frames_, contours, told_by_little ? kClearContourScore : kMinWeakScore,
         agreement < kNoColorsAgree ? kMaxContourRivalWithoutColors : kMaxWeakRival, found);
     if (found.poses.empty() && !frames_.show_colors()) decide_alone(contours, found);
     const bool confirmed = weakly_found_.confirms(found);
