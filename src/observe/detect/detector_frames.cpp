@@ -7,6 +7,19 @@
 #include "observe/detect/pixels/foreground_masks.hpp"
 
 namespace sightline::observe {
+namespace {
+
+// Whether any pixel of the mask in that box is set.
+bool any_in(const std::vector<uint8_t>& mask, int width, int height, const PixelBox& box) {
+  const int left = std::max(0, box.left), right = std::min(width, box.right);
+  for (int y = std::max(0, box.top); y < std::min(height, box.bottom); ++y) {
+    const auto row = mask.begin() + static_cast<ptrdiff_t>(y) * width;
+    if (std::any_of(row + left, row + right, [](uint8_t set) { return set != 0; })) return true;
+  }
+  return false;
+}
+
+}  // namespace
 
 DetectorFrames::DetectorFrames(std::vector<DetectorCamera> cameras, const DetectorOptions& options,
                                Executor executor)
@@ -63,6 +76,25 @@ bool DetectorFrames::show_motion() {
   const auto showing = std::count_if(slots_.begin(), slots_.end(),
                                      [](const Slot& slot) { return !slot.motion.empty(); });
   return static_cast<size_t>(showing) >= needed();
+}
+
+bool DetectorFrames::moves_at(const Eigen::Vector3d& point, double radius) const {
+  size_t showing = 0;
+  for (size_t i = 0; i < slots_.size(); ++i) {
+    if (slots_[i].motion.empty()) continue;
+    const CalibratedCamera& camera = cameras_[i].calibration;
+    const Eigen::Vector3d there = camera.world_from_camera.inverse() * point;
+    const auto pixel = camera.model.project(there);
+    const HalfSizeImage& image = slots_[i].frame.image;
+    if (!pixel || pixel->x() < 0 || pixel->y() < 0 || pixel->x() >= 2 * image.width ||
+        pixel->y() >= 2 * image.height)
+      continue;
+    const auto reach = static_cast<int>(radius * camera.model.parameters().fx / (2 * there.norm()));
+    const auto x = static_cast<int>(pixel->x() / 2), y = static_cast<int>(pixel->y() / 2);
+    showing += any_in(slots_[i].motion, image.width, image.height,
+                      {x - reach, y - reach, x + reach + 1, y + reach + 1});
+  }
+  return showing >= needed();
 }
 
 bool DetectorFrames::select(Where where) {

@@ -40,10 +40,13 @@ class DetectorFrames {
   bool show_foreground() const;
   /// The same of what moves; looks for it.
   bool show_motion();
+  /// After that: whether any of it is within this radius [m] of a point of the world, in as many
+  /// cameras.
+  bool moves_at(const Eigen::Vector3d& point, double radius) const;
 
-  /// Which edges count: all, those near the foreground, or those near what moves (after
-  /// show_motion()); all of cameras of which that is not known.
-  enum class Where { kEverywhere, kForeground, kMotion };
+  /// Which edges count: those near the foreground, those near what moves (after show_motion()), or
+  /// all; all of cameras of which that is not known.
+  enum class Where { kForeground, kMotion, kEverywhere };
   /// Chooses the frames that take part and finds their edges; false without any. The reference time
   /// is that of the newest.
   bool select(Where where);

@@ -109,7 +109,7 @@ class ObjectDetector::Impl {
     } else {
       out.by_contour = same_place(out, by_contour);
     }
-    note_searched(where, !out.poses.empty() || weakly_found_.any());
+    note_searched(where, !out.poses.empty());
     forget_told();
     return out;
   }
@@ -237,17 +237,27 @@ class ObjectDetector::Impl {
  private:
   const ViewpointModel& model() const { return bank_.model(); }
 
-  // What is new, what moves, everything, by turns as long as nothing is found.
+  // What is new, what moves, everything, by turns as long as nothing is found. What waits to be
+  // found again is looked for where it was: what stands still is not among what moves.
   Where next_where() {
-    const bool again = !in_vain_ || in_vain_ == Where::kEverywhere;
-    if (again && frames_.show_foreground()) return Where::kForeground;
-    if ((again || in_vain_ == Where::kForeground) && frames_.show_motion()) return Where::kMotion;
-    return Where::kEverywhere;
+    if (next_ == Where::kForeground && frames_.show_foreground()) return Where::kForeground;
+    const Detection* waiting = weakly_found_.newest();
+    if (hint_ || (next_ == Where::kEverywhere && waiting == nullptr)) return Where::kEverywhere;
+    if (!frames_.show_motion()) return Where::kEverywhere;
+    const bool rests =
+        waiting != nullptr &&
+        !frames_.moves_at(waiting->poses.front().world_from_object * model().center(),
+                          model().radius());
+    return rests ? Where::kEverywhere : Where::kMotion;
   }
 
   void note_searched(Where where, bool found) {
-    in_vain_.reset();
-    if (!found) in_vain_ = where;
+    const bool waits = weakly_found_.newest() != nullptr;
+    if (found || (where == Where::kEverywhere && !waits)) {
+      next_ = Where::kForeground;
+    } else if (!waits) {
+      next_ = where == Where::kForeground ? Where::kMotion : Where::kEverywhere;
+    }
   }
 
   void note_hits(const ScanResult& hits, DetectionTrace& trace) const {
@@ -430,9 +440,9 @@ class ObjectDetector::Impl {
   const DetectionJudge judge_;
   std::optional<ColorTemplates> color_templates_;  ///< made when they are first asked for
   std::optional<SearchHint> hint_;                 ///< for the next detect()
-  std::vector<RigMotion> told_;   ///< what came nearest to such a pose, in these frames
-  std::optional<Where> in_vain_;  ///< where the newest search has found nothing
-  WeakDetections weakly_found_;   ///< by contours in the newest searches, not yet believed
+  std::vector<RigMotion> told_;      ///< what came nearest to such a pose, in these frames
+  Where next_ = Where::kForeground;  ///< or what comes after that in Where, if it is not to be seen
+  WeakDetections weakly_found_;      ///< by contours in the newest searches, not yet believed
 };
 
 Result<std::unique_ptr<ObjectDetector>> ObjectDetector::create(

@@ -20,8 +20,8 @@ class WeakDetections {
   /// steady motion. Nothing is remembered then.
   bool confirms(const Detection& found);
   void clear() { row_.clear(); }
-  /// Something waits to be found again.
-  bool any() const { return !row_.empty(); }
+  /// What waits to be found again; null: nothing. Until the next confirms() or clear().
+  const Detection* newest() const { return row_.empty() ? nullptr : &row_.back(); }
 
  private:
   bool follows(const Detection& found) const;
