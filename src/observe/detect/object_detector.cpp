@@ -377,12 +377,13 @@ class ObjectDetector::Impl {
     const double agreement =
         colors != nullptr ? colors->correlation(best.world_from_object, best.twist, time) : 1;
     // Where only what moves is looked at, nothing that stands still is a rival.
-    const bool outline_alone = colors == nullptr && where == Where::kMotion;
+    const bool rivals = where != Where::kMotion;
+    const bool outline_alone = colors == nullptr && !rivals;
     const bool told_by_little = outline_alone || agreement < kFewColorsAgree;
     judge_.decide_by_contour(
         frames_, contours, told_by_little ? kClearContourScore : kMinWeakScore,
         agreement < kNoColorsAgree ? kMaxContourRivalWithoutColors : kMaxWeakRival, found);
-    if (found.poses.empty() && !frames_.show_colors()) decide_alone(contours, found);
+    if (found.poses.empty() && rivals && !frames_.show_colors()) decide_alone(contours, found);
     const bool confirmed = weakly_found_.confirms(found);
     if (found.poses.empty()) return found;
     const double score = found.poses.front().evidence;
