@@ -157,6 +157,8 @@ FramePtr ReplayPipeline::refine(const FramePtr& frame, Camera& camera) {
   FramePtr out = camera.refiner->step(frame, tracks(), boxes_);
   summary_.turn_cpu_ms += process_cpu_ms() - start;
   ++summary_.turned_frames;
+  ++camera.asked;
+  camera.refined += camera.refiner->status().word == PictureWord::kUsed ? 1 : 0;
   if (const auto news = camera.refiner->news()) {
     log::warning("at {:.1f} s: {}", to_seconds(frame->info().capture.time_since_epoch()), *news);
   }
@@ -262,6 +264,9 @@ Status ReplayPipeline::draw_one(const Frame& frame, Camera& camera) {
 Status ReplayPipeline::finish() {
   for (auto& camera : cameras_) {
     if (camera && camera->video) SL_RETURN_IF_ERROR(camera->video->close());
+    if (!camera || !camera->refiner) continue;
+    summary_.turns.push_back(
+        {camera->name, camera->asked, camera->refined, camera->refiner->status()});
   }
   if (collector_) {
     summary_.points = collector_->summary();

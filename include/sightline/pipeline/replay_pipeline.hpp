@@ -19,6 +19,13 @@
 
 namespace sightline {
 
+/// What the pictures of a camera that turns said of its angles.
+struct TurnSummary {
+  std::string camera;
+  size_t frames = 0, used = 0;
+  RefinerStatus last;  ///< of the last frame
+};
+
 /// What the pipeline came to after a whole recording.
 struct ReplaySummary {
   size_t frames = 0;
@@ -33,6 +40,7 @@ struct ReplaySummary {
   double learn_cpu_ms = 0;    ///< of what hides objects
   double turn_cpu_ms = 0;     ///< of angles by pictures
   size_t turned_frames = 0;   ///< frames that it was asked of
+  std::vector<TurnSummary> turns;      ///< by camera that turns; complete after finish()
   std::optional<PointSummary> points;  ///< if stereo points were asked for
 };
 
@@ -85,6 +93,7 @@ class ReplayPipeline {
     std::unique_ptr<OverlayVideoWriter> video;
     std::unique_ptr<ImagePool> pool;
     size_t drawn = 0;
+    size_t asked = 0, refined = 0;  // frames: by the refiner
   };
 
   ReplayPipeline() = default;
