@@ -131,6 +131,28 @@ Json to_json(const PointSummary& points) {
               {"to_mesh_p90_mm", points.p90_mm}};
 }
 
+Json to_json(const TurnSummary& turn) {
+  return Json{{"camera", turn.camera},
+              {"frames", turn.frames},
+              {"used", turn.used},
+              {"latency_known", turn.last.latency_known},
+              {"latency_contradicted", turn.last.latency_contradicted},
+              {"latency_s", turn.last.latency_s},
+              {"latency_sigma_s", turn.last.latency_sigma_s}};
+}
+
+std::string to_text(const TurnSummary& turn) {
+  const RefinerStatus& last = turn.last;
+  std::string latency = "its latency is not known";
+  if (last.latency_known) {
+    latency = fmt::format("its latency is {:.1f} ms, sigma {:.1f} ms{}", 1e3 * last.latency_s,
+                          1e3 * last.latency_sigma_s,
+                          last.latency_contradicted ? ": the calibration's is another" : "");
+  }
+  return fmt::format("{}: angles by the picture in {} of {} frames; {}\n", turn.camera, turn.used,
+                     turn.frames, latency);
+}
+
 Json to_json(const ReplaySummary& summary) {
   Json json{{"frames", summary.frames},
             {"sets", summary.sets},
@@ -145,6 +167,7 @@ Json to_json(const ReplaySummary& summary) {
     json["search_time_ms"] = summary.search_time_ms;
   }
   if (summary.points) json["stereo_points"] = to_json(*summary.points);
+  for (const TurnSummary& turn : summary.turns) json["angles_by_picture"].push_back(to_json(turn));
   return json;
 }
 
@@ -174,6 +197,7 @@ std::string to_text(const ReplaySummary& summary) {
     for (const auto& [state, rows] : states) text += fmt::format(" {} {}", rows, state);
     text += "\n";
   }
+  for (const TurnSummary& turn : summary.turns) text += to_text(turn);
   if (summary.points) {
     const PointSummary& p = *summary.points;
     text += fmt::format(

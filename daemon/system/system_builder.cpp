@@ -188,6 +188,10 @@ Result<CameraParts> SystemBuilder::camera_parts(const SystemDraft& draft, Camera
     SL_ASSIGN(parts.draw, draw_stage(draft.system, id));
   }
   add_source(parts, config, records(now));
+  if (config.axes_by_picture) {
+    parts.angles = AngleWorker::create(config.calibration, context_.registry);
+  }
+  parts.on_captured = [taps = context_.taps](const FramePtr& frame) { taps->record(frame); };
   parts.on_frame = [taps = context_.taps, observed = observes(config.role)](const FramePtr& frame) {
     taps->push(frame, observed);
   };

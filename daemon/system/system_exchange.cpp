@@ -232,8 +232,13 @@ Status SystemExchange::start_cameras() {
   return {};
 }
 
+// Heads may follow what the pictures of others and their own show to move.
 void SystemExchange::start_following() {
+  auto moving = std::make_shared<MovingScene>();
+  moving->board = next_.board;
+  moving->boxes = moving_boxes(*next_.rig);
   for (size_t i = 0; i < next_.cameras.size(); ++i) {
+    if (AngleWorker* const angles = next_.cameras[i]->angles()) angles->see(moving);
     const auto& head = next_.cameras[i]->head();
     if (!head || !head->follows()) continue;
     head->follow(follow_scene(next_.installation.cameras[i].follow, *next_.rig, next_.board));

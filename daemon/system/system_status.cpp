@@ -176,6 +176,9 @@ Json cameras_array(const System& system) {
   for (size_t i = 0; i < system.cameras.size(); ++i) {
     cameras.push_back(camera_json(*system.cameras[i]));
     if (const auto& head = system.cameras[i]->head()) add_head(*head, *system.rig, cameras.back());
+    if (const auto* angles = system.cameras[i]->angles()) {
+      add_angles(angles->status(), cameras.back());
+    }
     if (!watched || i >= watches->size() || !system.cameras[i]->observes()) continue;
     add_calibration((*watches)[i], system.installation.cameras[i].calibration.world_from_camera,
                     system.calibration->proposal(), cameras.back());

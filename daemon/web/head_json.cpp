@@ -11,6 +11,8 @@ namespace {
 
 // A thousandth of a degree.
 double degrees(double angle) { return std::round(angle * 180e3 / std::numbers::pi) / 1e3; }
+// A hundredth of a millisecond.
+double hundredths(double seconds) { return std::round(seconds * 1e5) / 1e5; }
 
 }  // namespace
 
@@ -33,6 +35,19 @@ void add_head(const AxesWorker& head, const Rig& rig, nlohmann::ordered_json& ca
     }
   }
   camera["head"] = std::move(json);
+}
+
+void add_angles(const RefinerStatus& status, nlohmann::ordered_json& camera) {
+  const char* latency = status.latency_contradicted ? "contradicted"
+                        : status.latency_known      ? "known"
+                                                    : "unknown";
+  nlohmann::ordered_json json{{"picture", to_string(status.word)},
+                              {"keyframes", status.keyframes},
+                              {"latency", latency},
+                              {"latency_sigma_s", hundredths(status.latency_sigma_s)}};
+  if (status.latency_known) json["latency_s"] = hundredths(status.latency_s);
+  if (status.sigma > 0) json["sigma_deg"] = degrees(status.sigma);
+  camera["angles_by_picture"] = std::move(json);
 }
 
 }  // namespace sightline

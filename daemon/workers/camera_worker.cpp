@@ -16,23 +16,6 @@ namespace {
 
 constexpr Duration kTurn = 200ms;     // longest wait of a thread without a look at its stop token
 constexpr Duration kStallLimit = 5s;  // a thread silent for longer is hung
-constexpr Duration kNoSignalPeriod = 500ms;  // between images while there is no signal
-
-// For the labels: a pose may be right and still lie beside the object in this camera's picture.
-std::string_view notice_of(const DrawStage& stage) {
-  switch (stage.calibration_state ? stage.calibration_state() : CalibrationState::kUnknown) {
-    case CalibrationState::kKnocked:
-      return "camera knocked";
-    case CalibrationState::kDrifting:
-      return "camera drifting";
-    case CalibrationState::kDisputed:
-      return "camera disputed";
-    case CalibrationState::kUnfit:
-      return "wrong picture";
-    default:
-      return {};
-  }
-}
 
 // A device may take its time to let go of its images.
 void close_source(std::unique_ptr<FrameSource>& source) {
@@ -77,6 +60,9 @@ std::unique_ptr<CameraWorker> CameraWorker::start(CameraParts parts, Registry& r
   };
   if (raw->parts_.observe.observer) raw->observe_thread_ = launch("obs", &CameraWorker::observe);
   if (raw->parts_.output) raw->draw_thread_ = launch("draw", &CameraWorker::draw);
+  if (raw->parts_.angles) {
+    raw->parts_.angles->start(beats, [raw](const FramePtr& frame) { raw->pass_on(frame); });
+  }
   raw->capture_thread_ = launch("cap", &CameraWorker::capture);
   return worker;
 }
@@ -119,12 +105,16 @@ CameraWorker::CameraWorker(CameraParts parts, Registry& registry)
                          camera_labels(parts_.name))) {
   signal_.set_rate(parts_.rate_hz);
   captured_ = &stage_latency(registry, parts_.name, "captured");
+  if (parts_.angles) {
+    angles_dropped_ = &registry.counter(kDropped, kDroppedHelp, stage_labels(parts_.name, "turn"));
+  }
   if (observes_) observed_ = &stage_latency(registry, parts_.name, "observed");
   if (parts_.output) drawn_ = &stage_latency(registry, parts_.name, "drawn");
 }
 
 void CameraWorker::request_stop() {
   if (parts_.head) parts_.head->request_stop();
+  if (parts_.angles) parts_.angles->request_stop();
   for (auto* thread : {&capture_thread_, &observe_thread_, &draw_thread_}) thread->request_stop();
 }
 
@@ -133,6 +123,7 @@ void CameraWorker::stop() {
   for (WatchedThread* thread : {&capture_thread_, &observe_thread_, &draw_thread_}) {
     if (thread->joinable()) thread->join();
   }
+  if (parts_.angles) parts_.angles->stop();
 }
 
 bool CameraWorker::stop_unless_waiting(Duration patience) {
@@ -140,6 +131,7 @@ bool CameraWorker::stop_unless_waiting(Duration patience) {
   for (WatchedThread* thread : {&observe_thread_, &draw_thread_}) {
     if (thread->joinable()) thread->join();
   }
+  if (parts_.angles) parts_.angles->stop();
   return !capture_thread_.joinable() || capture_thread_.join_unless_waiting(patience);
 }
 
@@ -285,13 +277,24 @@ void CameraWorker::capture_from(std::unique_ptr<FrameSource>& source, std::stop_
 void CameraWorker::deliver(const FramePtr& frame) {
   const FrameInfo& info = frame->info();
   measure(info);
-  if (parts_.on_frame) parts_.on_frame(frame);
-  if (info.status == FrameStatus::kDamaged) {
+  if (parts_.on_captured) parts_.on_captured(frame);
+  const bool damaged = info.status == FrameStatus::kDamaged;
+  if (damaged) {
     damaged_.add();
-    return;
+  } else {
+    signal_.good_frame(frame);
+    note_signal();
   }
-  signal_.good_frame(frame);
-  note_signal();
+  if (!parts_.angles) {
+    pass_on(frame);
+  } else if (parts_.angles->push(frame)) {
+    angles_dropped_->add();
+  }
+}
+
+void CameraWorker::pass_on(const FramePtr& frame) {
+  if (parts_.on_frame) parts_.on_frame(frame);
+  if (frame->info().status == FrameStatus::kDamaged) return;
   if (observes_ && observe_slot_.put(frame)) observe_dropped_.add();
   if (parts_.output && parts_.output->wanted() && draw_slot_.put(frame)) draw_dropped_.add();
 }
@@ -338,85 +341,6 @@ void CameraWorker::learn(const Frame& frame, ObserveStage& stage) {
   hidden_.publish(stage.learner->hidden());
   const OcclusionLearner::StepResult& result = stage.learner->last_step();
   occluded_share_.set(result.cells > 0 ? static_cast<double>(result.hidden) / result.cells : 0);
-}
-
-void CameraWorker::draw(std::stop_token stop, Heartbeat& heartbeat) {
-  DrawStage stage = std::move(parts_.draw);
-  while (!stop.stop_requested()) {
-    heartbeat.beat();
-    const Duration until_slate = next_no_signal_ - MonotonicClock::now();
-    const bool slate_next = until_slate > Duration(0) && until_slate < kTurn;
-    const auto frame = draw_slot_.take(stop, slate_next ? until_slate : kTurn);
-    renew(stage);
-    if (!frame) {
-      const auto lost_since = signal_.lost_since(MonotonicClock::now());
-      if (lost_since && stage.slate && parts_.output->wanted()) {
-        draw_no_signal(*lost_since, *stage.slate);
-      }
-      parts_.output->report();
-      continue;
-    }
-    if (parts_.output->wanted()) draw_one(*frame, stage);
-  }
-}
-
-void CameraWorker::draw_no_signal(Time since, NoSignalSlate& slate) {
-  const Time now = MonotonicClock::now();
-  if (now < next_no_signal_) return;
-  next_no_signal_ = now + kNoSignalPeriod;
-  if (!no_signal_.image || since != no_signal_since_) {
-    const SignalWatch::Last last = signal_.last();
-    auto image = std::make_shared<Image>(parts_.width, parts_.height);
-    const I420View shown = last.image ? last.image->view() : I420View{};
-    slate.draw(image->mutable_view(), last.image ? &shown : nullptr,
-               no_signal_text(parts_.name, utc_ns_of(since)));
-    no_signal_.image = std::move(image);
-    no_signal_.frame = last.frame;  // no fresh frame is claimed, and there are no poses
-    no_signal_.frame.camera = parts_.id;
-    no_signal_since_ = since;
-  }
-  no_signal_.shown = now;
-  parts_.output->accept(no_signal_);
-}
-
-void CameraWorker::draw_points(const MutableI420View& image, const FrameInfo& frame,
-                               const DrawStage& stage) {
-  const ScenePointsPtr points = stage.points(frame.capture);
-  if (!points || (frame.place && !frame.place->trusted())) return;
-  const CalibratedCamera& camera = *stage.calibration;
-  const Rigid3& place = frame.place ? frame.place->world_from_camera : camera.world_from_camera;
-  marks_.clear();
-  marks_of_points(camera.model, place.inverse(), points->points, marks_);
-  draw_point_marks(image, marks_, fit_depth_scale(marks_), kManyPoints);
-}
-
-void CameraWorker::draw_one(const FramePtr& frame, DrawStage& stage) {
-  const Time start = MonotonicClock::now();
-  // The observer needs the shared image anyway.
-  if (observes_) frame->i420();
-  offer_clean(*frame);
-  if (!parts_.output->wants_annotated()) return;
-  std::shared_ptr<Image> image = images_.get();
-  frame->copy_i420_to(image->mutable_view());
-  stage.board->read(draw_tracks_);
-  annotated_.frame = frame->info();
-  const OcclusionDepthPtr hidden = hidden_.read();
-  stage.renderer->draw(image->mutable_view(), frame->info().capture, draw_tracks_, annotated_.poses,
-                       {hidden.get(), notice_of(stage), frame->info().place.get()});
-  if (stage.points) draw_points(image->mutable_view(), frame->info(), stage);
-  annotated_.image = std::move(image);
-  draw_seconds_.set(to_seconds(MonotonicClock::now() - start));
-  observe_age(*drawn_, frame->info().capture);
-  parts_.output->accept(annotated_);
-  annotated_.image.reset();
-}
-
-void CameraWorker::offer_clean(const Frame& frame) {
-  PictureSlot& pictures = parts_.output->pictures();
-  if (!pictures.wanted(PictureKind::kClean)) return;
-  std::shared_ptr<Image> clean = images_.get();
-  frame.copy_i420_to(clean->mutable_view());
-  pictures.offer(PictureKind::kClean, std::move(clean), frame.info());
 }
 
 bool CameraWorker::present() const {

@@ -10,6 +10,7 @@
 #include <thread>
 #include <vector>
 
+#include "axes/angle_worker.hpp"
 #include "axes/axes_worker.hpp"
 #include "heartbeat.hpp"
 #include "sightline/base/counters.hpp"
@@ -70,8 +71,12 @@ struct CameraParts {
   ObserveStage observe;
   DrawStage draw;
   std::shared_ptr<StreamOutput> output;
-  std::function<void(const FramePtr&)> on_frame;  ///< may be empty, must not block
-  std::shared_ptr<AxesWorker> head{};             ///< of a camera that turns, live; else null
+  /// Both may be empty, and must not block: every frame as it was captured; and those that are
+  /// looked at and drawn into, damaged ones too, by their refined places.
+  std::function<void(const FramePtr&)> on_captured{};
+  std::function<void(const FramePtr&)> on_frame{};
+  std::shared_ptr<AxesWorker> head{};     ///< of a camera that turns, live; else null
+  std::unique_ptr<AngleWorker> angles{};  ///< its picture refines its angles; else null
 };
 
 struct CameraStatus {
@@ -90,8 +95,9 @@ struct CameraStatus {
 };
 
 /// One camera: the threads that capture ("cap:NAME"), observe ("obs:NAME") and draw ("draw:NAME"),
-/// joined by latest slots. A source that is absent, lost or silent is opened again for ever, with
-/// back-off; meanwhile the stream shows the last image, gray and stamped.
+/// joined by latest slots; of a camera that turns "turn:NAME" between the first and the others. A
+/// source that is absent, lost or silent is opened again for ever, with back-off; meanwhile the
+/// stream shows the last image, gray and stamped.
 class CameraWorker {
  public:
   static std::unique_ptr<CameraWorker> start(CameraParts parts, Registry& registry,
@@ -116,6 +122,8 @@ class CameraWorker {
   bool observes() const { return observes_; }
   const std::shared_ptr<StreamOutput>& output() const { return parts_.output; }
   const std::shared_ptr<AxesWorker>& head() const { return parts_.head; }
+  /// Null: its picture does not refine its angles.
+  AngleWorker* angles() const { return parts_.angles.get(); }
 
  private:
   CameraWorker(CameraParts parts, Registry& registry);
@@ -125,6 +133,8 @@ class CameraWorker {
   void capture_from(std::unique_ptr<FrameSource>& source, std::stop_token stop,
                     Heartbeat& heartbeat);
   void deliver(const FramePtr& frame);
+  /// To those that look and draw.
+  void pass_on(const FramePtr& frame);
   void measure(const FrameInfo& info);
   void observe(std::stop_token stop, Heartbeat& heartbeat);
   void learn(const Frame& frame, ObserveStage& stage);
@@ -147,6 +157,7 @@ class CameraWorker {
   CameraParts parts_;
   const bool observes_;
   // null where there is no such stage
+  Counter* angles_dropped_ = nullptr;
   LatencyHistogram *captured_ = nullptr, *observed_ = nullptr, *drawn_ = nullptr;
   LatestSlot<FramePtr> observe_slot_, draw_slot_;
   Snapshot<const OcclusionDepth> hidden_;

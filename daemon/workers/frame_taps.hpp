@@ -17,9 +17,13 @@ struct FrameTaps {
   Snapshot<PointsWorker> points;
   Snapshot<CellWorker> cell;  ///< takes observations or estimates
 
-  /// On a capture thread; never waits. `observed`: the camera takes part in stereo points.
-  void push(const FramePtr& frame, bool observed) const {
+  /// On a capture thread; never waits.
+  void record(const FramePtr& frame) const {
     if (const auto to = recorder.read()) to->push(frame);
+  }
+  /// On the thread that frames come from, with what is known of their place; never waits.
+  /// `observed`: the camera takes part in stereo points.
+  void push(const FramePtr& frame, bool observed) const {
     if (const auto to = search.read()) to->push(frame);
     if (const auto to = observed ? points.read() : nullptr) to->push(frame);
   }

@@ -248,6 +248,12 @@ void read_axes(TomlTable& table, const std::filesystem::path& file, bool calibra
                                       camera.name));
   }
   read_axes_details(table, file, camera.axes);
+  const auto by_picture = table.flag("axes_by_picture");
+  if (by_picture && calibrated && !turns) {
+    table.problem("axes_by_picture",
+                  "the calibration has no [camera.axes] of this camera: it stands still");
+  }
+  camera.axes_by_picture = by_picture.value_or(camera.axes_by_picture);
 }
 
 void read_own_size(TomlTable& table, bool calibrated, CameraConfig& camera) {

@@ -71,9 +71,12 @@ FramePtr Frame::with_place(const FramePtr& frame, CameraPlacePtr place) {
   if (!place) return frame;
   FrameInfo info = frame->info_;
   info.place = std::move(place);
+  // Who found out the place has looked at the image: it is not made twice.
+  const bool there = frame->decoded_ || (frame->image_made_.load(std::memory_order_acquire) &&
+                                         !luma_comes_first(info.format));
   return std::allocate_shared<const Frame>(RecyclingAllocator<Frame>(), Key(), info,
                                            frame->payload_, frame->pool_,
-                                           frame->decoded_ ? frame->image_ : nullptr);
+                                           there ? frame->image_ : nullptr);
 }
 
 I420View Frame::i420() const {

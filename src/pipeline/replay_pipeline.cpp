@@ -41,6 +41,7 @@ Result<std::unique_ptr<ReplayPipeline>> ReplayPipeline::create(
   for (const auto* folder : {&outputs.video, &outputs.png}) {
     if (!folder->empty()) SL_RETURN_IF_ERROR(make_folder(*folder));
   }
+  pipeline->boxes_ = moving_boxes(pipeline->rig_);
   for (const CameraConfig& camera : installation.cameras) {
     pipeline->camera_names_.push_back(camera.name);
   }
@@ -100,6 +101,7 @@ Status ReplayPipeline::add_camera(const Installation& installation, const Record
   camera.id = CameraId(static_cast<uint32_t>(config - configs.begin()));
   camera.name = config->name;
   camera.observes = observes(config->role);
+  if (config->axes_by_picture) camera.refiner = AngleRefiner::create(config->calibration);
   if (camera.observes) {
     SL_ASSIGN(camera.learner, make_learner(installation, rig_, camera.id));
   }
@@ -135,17 +137,37 @@ Status ReplayPipeline::step(const std::vector<FramePtr>& frames) {
   summary_.fuse_cpu_ms += process_cpu_ms() - searched;
   summary_.frames += frames.size();
   ++summary_.sets;
-  learn(frames);
+  learn(set_);
   if (collector_) collect_points();
-  return draw(frames);
+  return draw(set_);
 }
 
 void ReplayPipeline::take(const std::vector<FramePtr>& frames) {
   frames_.clear();
+  set_.clear();
   for (const FramePtr& frame : frames) {
-    const auto& camera = cameras_[frame->info().camera.index()];
-    if (camera) frames_.push_back({camera->id, frame});
+    auto& camera = cameras_[frame->info().camera.index()];
+    set_.push_back(camera && camera->refiner ? refine(frame, *camera) : frame);
+    if (camera) frames_.push_back({camera->id, set_.back()});
   }
+}
+
+FramePtr ReplayPipeline::refine(const FramePtr& frame, Camera& camera) {
+  const double start = process_cpu_ms();
+  FramePtr out = camera.refiner->step(frame, tracks(), boxes_);
+  summary_.turn_cpu_ms += process_cpu_ms() - start;
+  ++summary_.turned_frames;
+  ++camera.asked;
+  camera.refined += camera.refiner->status().word == PictureWord::kUsed ? 1 : 0;
+  if (const auto news = camera.refiner->news()) {
+    log::warning("at {:.1f} s: {}", to_seconds(frame->info().capture.time_since_epoch()), *news);
+  }
+  return out;
+}
+
+const RefinerStatus* ReplayPipeline::refiner(size_t camera) const {
+  const auto& recorded = cameras_.at(camera);
+  return recorded && recorded->refiner ? &recorded->refiner->status() : nullptr;
 }
 
 // After fusion, so that a frame is judged and drawn with its own pose.
@@ -242,6 +264,9 @@ Status ReplayPipeline::draw_one(const Frame& frame, Camera& camera) {
 Status ReplayPipeline::finish() {
   for (auto& camera : cameras_) {
     if (camera && camera->video) SL_RETURN_IF_ERROR(camera->video->close());
+    if (!camera || !camera->refiner) continue;
+    summary_.turns.push_back(
+        {camera->name, camera->asked, camera->refined, camera->refiner->status()});
   }
   if (collector_) {
     summary_.points = collector_->summary();

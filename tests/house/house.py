@@ -25,7 +25,7 @@ ARROWS["cli"] = ROOMS
 SUBROOM_ARROWS = {
     "observe": {"terms": set(), "shape": {"terms"},
                 **{modality: {"terms", "shape"}
-                   for modality in ("fiducial", "track", "detect", "features", "scene", "stereo")}},
+                   for modality in ("fiducial", "track", "detect", "features", "scene", "stereo", "turn")}},
     "capture": {"common": set(), "axes": set(), "decode": {"common"},
                 **{source: {"common", "decode"} for source in ("v4l2", "aravis", "libcamera", "network")}},
     "render": {"mesh": set(), "raster": {"mesh"}, "gpu": {"mesh", "raster"},

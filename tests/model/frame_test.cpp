@@ -129,6 +129,24 @@ TEST(Frame, DecodedFramesShareTheirImage) {
   EXPECT_EQ(pool->allocated(), 1u);
 }
 
+// Who finds out where a camera looked has looked at its image: it is not converted again.
+TEST(Frame, AFrameWithAnotherPlaceSharesWhatIsMade) {
+  auto gone = std::make_shared<bool>(false);
+  auto pool = std::make_shared<ImagePool>(8, 6);
+  const auto place = std::make_shared<const CameraPlace>();
+  const FramePtr frame = Frame::raw(info_of(PixelFormat::kYuyv, 8, 6), payload_of(96, gone), pool);
+  const uint8_t* const luma = frame->gray().data;
+  const FramePtr placed = Frame::with_place(frame, place);
+  EXPECT_EQ(placed->info().place, place);
+  EXPECT_EQ(placed->gray().data, luma);
+  EXPECT_EQ(placed->payload().bytes.data(), frame->payload().bytes.data());
+  EXPECT_EQ(pool->allocated(), 1u);
+  // A gray payload stays the picture, in its full range.
+  const FramePtr gray = Frame::raw(info_of(PixelFormat::kGray, 8, 6), payload_of(48, gone), pool);
+  (void)gray->i420();
+  EXPECT_EQ(Frame::with_place(gray, place)->gray().data, gray->payload().bytes.data());
+}
+
 TEST(Frame, ManyThreadsSeeTheSameViews) {
   for (int round = 0; round < 20; ++round) {
     auto gone = std::make_shared<bool>(false);

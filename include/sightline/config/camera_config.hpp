@@ -46,6 +46,7 @@ struct CameraConfig {
   V4l2Options v4l2{};
   LibcameraOptions libcamera{};
   AxisSourceOptions axes{};         ///< who tells the angles of a camera that turns
+  bool axes_by_picture = true;      ///< and whether its picture refines them
   FollowConfig follow{};            ///< of role kFollow
   std::filesystem::path recording;  ///< folder of the recording that is played ("replay:...")
   std::string recorded_as;          ///< name of the camera in it

@@ -12,11 +12,19 @@
 #include "sightline/pipeline/point_collector.hpp"
 #include "sightline/pipeline/rig_parts.hpp"
 #include "sightline/pipeline/tracking_chain.hpp"
+#include "sightline/pipeline/turning/angle_refiner.hpp"
 #include "sightline/record/overlay_video.hpp"
 #include "sightline/record/pose_log.hpp"
 #include "sightline/record/replay.hpp"
 
 namespace sightline {
+
+/// What the pictures of a camera that turns said of its angles.
+struct TurnSummary {
+  std::string camera;
+  size_t frames = 0, used = 0;
+  RefinerStatus last;  ///< of the last frame
+};
 
 /// What the pipeline came to after a whole recording.
 struct ReplaySummary {
@@ -30,6 +38,9 @@ struct ReplaySummary {
   SearchTiming search_timing;
   double search_time_ms = 0;  ///< that searches have been charged with, on the recording's clock
   double learn_cpu_ms = 0;    ///< of what hides objects
+  double turn_cpu_ms = 0;     ///< of angles by pictures
+  size_t turned_frames = 0;   ///< frames that it was asked of
+  std::vector<TurnSummary> turns;      ///< by camera that turns; complete after finish()
   std::optional<PointSummary> points;  ///< if stereo points were asked for
 };
 
@@ -64,6 +75,10 @@ class ReplayPipeline {
   const Rig& rig() const { return rig_; }
   /// What is known now, one track per object.
   const std::vector<PoseTrackPtr>& tracks() const { return chain_->tracks(); }
+  /// The frames of the newest step, of cameras that turn with the angles as refined.
+  const std::vector<FramePtr>& frames() const { return set_; }
+  /// What the picture of a camera of the recording says of its angles; null: it stands still.
+  const RefinerStatus* refiner(size_t camera) const;
   /// What a camera of the recording has learned to hide the objects; null: nothing.
   OcclusionDepthPtr hidden(size_t camera) const;
 
@@ -72,19 +87,23 @@ class ReplayPipeline {
     CameraId id;
     std::string name;
     bool observes = false;
+    std::unique_ptr<AngleRefiner> refiner;  // null: it stands still, or its picture says nothing
     std::unique_ptr<OcclusionLearner> learner;  // null: nothing is learned
     std::unique_ptr<CameraRenderer> renderer;
     std::unique_ptr<OverlayVideoWriter> video;
     std::unique_ptr<ImagePool> pool;
     size_t drawn = 0;
+    size_t asked = 0, refined = 0;  // frames: by the refiner
   };
 
   ReplayPipeline() = default;
   Status add_camera(const Installation& installation, const RecordedCamera& recorded,
                     const ReplayOutputs& outputs);
   Status make_chain(const Installation& installation);
-  /// The frames of cameras that the installation names, under its ids.
+  /// The frames, by their refined places, into set_, and those of cameras that the installation
+  /// names, under its ids, into frames_.
   void take(const std::vector<FramePtr>& frames);
+  FramePtr refine(const FramePtr& frame, Camera& camera);
   Status fuse();
   void tell_verdicts(const CalibrationWatch& watch, Time now);
   void learn(const std::vector<FramePtr>& frames);
@@ -97,6 +116,8 @@ class ReplayPipeline {
   std::vector<std::string> camera_names_;       // by CameraId
   std::unique_ptr<TrackingChain> chain_;
   std::vector<CameraFrame> frames_;  // of the set that is taken
+  std::vector<FramePtr> set_;        // the same, by index in the recording
+  std::vector<MovingBox> boxes_;
   std::vector<PoseAt> poses_;
   PoseLogWriter* log_ = nullptr;
   std::filesystem::path png_folder_;

@@ -165,6 +165,26 @@ class Turning(DaemonCase):
         text, _ = sightline("replay", recording, "--poses", self.path("poses.csv"))
         self.assertTrue(re.search(r"kettle", text + read_text(self.path("poses.csv"))))
 
+    def test_the_picture_finds_the_latency(self):
+        calibration = read_text(os.path.join(TURNING, "calibration.toml")).replace("latency_s = 0.04", "latency_s = 0.0")
+        self.write("late.toml", calibration)
+        text = installation("", f"replay:{TURNING}").replace('axes = ""\n', "")
+        text = text.replace(f"{TURNING}/calibration.toml", "late.toml")
+        self.daemon = self.start(text)
+        by_picture = lambda: self.daemon.state()["cameras"][0]["angles_by_picture"]  # noqa: E731
+        wait_until(lambda: by_picture()["latency"] == "contradicted", "the latency is found")
+        wait_until(lambda: by_picture()["latency_sigma_s"] < 0.001, "and better")
+        self.assertAlmostEqual(by_picture()["latency_s"], 0.040, delta=0.003)
+        self.assertAlmostEqual(self.daemon.metric("sightline_axes_latency_seconds", camera="head"), 0.040, delta=0.003)
+        self.assertEqual(self.daemon.metric("sightline_axes_latency_contradicted", camera="head"), 1)
+        self.assertGreater(self.daemon.metric("sightline_axes_picture_frames_total", camera="head", picture="used"), 10)
+        self.assertRegex(self.daemon.log_text(), r"head: by its picture the angles are .* ms late")
+        self.assertEqual(self.daemon.stop(), 0, self.daemon.log_text())
+        self.daemon = self.start(text.replace('name = "head"\n', 'name = "head"\naxes_by_picture = false\n'))
+        wait_until(lambda: self.daemon.state()["cameras"][0]["frames"] > 5, "frames come")
+        self.assertNotIn("angles_by_picture", self.daemon.state()["cameras"][0])
+        self.assertEqual(self.daemon.stop(), 0, self.daemon.log_text())
+
     def test_what_does_not_fit_is_refused(self):
         for axes, source, word in [("freed:x", "http://127.0.0.1:9/v", "tells no angles"),
                                    ("onvif:head.example", "http://127.0.0.1:9/v", "tells no angles"),
@@ -178,6 +198,9 @@ class Turning(DaemonCase):
         config = self.write("none.toml", installation("freed:4000", "http://127.0.0.1:9/v").replace('axes = "freed:4000"\n', ""))
         _, errors = sightline("check", config, status=2)
         self.assertIn("'axes' must say who tells its angles", errors)
+        still = installation("freed:4000", "http://127.0.0.1:9/v", "axes_by_picture = false\n").replace('axes = "freed:4000"\n', "")
+        _, errors = sightline("check", self.write("still.toml", still.replace('"head"', '"left"')), status=2)
+        self.assertRegex(errors, r"still\.toml:\d+:\d+.*axes_by_picture.*it stands still")
 
 
 if __name__ == "__main__":
