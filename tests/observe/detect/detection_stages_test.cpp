@@ -150,7 +150,7 @@ TEST(PoseScan, HitsTheObjectInOneCamera) {
   frames.compute_responses(scene().distances.map_margin, DetectorFrames::Edges::kBorders);
   PoseScan scan(scene().bank, scene().distances, 12000);
   for (const size_t expected : {0u, 1u, 2u, 0u}) {
-    EXPECT_EQ(scan.next_camera(frames, false), expected);
+    EXPECT_EQ(scan.next_camera(frames, DetectorFrames::Where::kEverywhere), expected);
   }
   const ScanResult found = scan.scan(frames, 1, DetectorFrames::Where::kEverywhere);
   EXPECT_EQ(found.camera, 1u);
