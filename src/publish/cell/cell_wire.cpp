@@ -227,6 +227,7 @@ std::string encode(const CellTrack& track) {
     }
   }
   for (const std::string& camera : track.cameras) out.add_cameras(camera);
+  out.set_term(track.term);
   return out.SerializeAsString();
 }
 
@@ -259,6 +260,7 @@ Result<CellTrack> decode_track(std::string_view bytes) {
     if (!is_camera_name(camera)) return refuse("lacks a name");
     out.cameras.push_back(camera);
   }
+  out.term = in.term();
   return out;
 }
 
