@@ -1,0 +1,142 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Two cells, two brokers that bridge, an object that goes from one to the other and back: one name, one cell that publishes
+it at a time, no frame without. What happens when the other cell's fusion host or broker dies. Figures are printed."""
+import os
+import signal
+import statistics
+import sys
+import time
+import unittest
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
+from cell_support import encode, missing  # noqa: E402
+from neighbor_support import NeighborsCase  # noqa: E402
+from support import WAIT_S, wait_until  # noqa: E402
+
+FRAME_NS = 33_333_333
+POSED = ("tracking", "degraded", "coasting")
+
+
+def handovers(tracks):
+    """Pairs of estimates, one after the other in time, of two cells; both with a pose."""
+    rows = sorted(tracks, key=lambda track: track.utc_ns)
+    return [(a, b) for a, b in zip(rows, rows[1:]) if a.cell != b.cell and a.place and b.place]
+
+
+class Neighbors(NeighborsCase):
+    def test_an_object_crosses(self):
+        self.both_cells()
+        for cell in (0, 1):
+            self.wait_for_keeper(self.fusions[0], cell)
+        heard = [self.listen(cell) for cell in (0, 1)]
+        drawn = [set(), set()]
+        end = time.monotonic() + 20
+        while time.monotonic() < end:  # whoever has it, both cells' camera hosts have it to draw
+            for cell, daemon in enumerate(self.cameras):
+                drawn[cell].add((self.keeper(daemon), daemon.state()["objects"][0]["state"]))
+            time.sleep(0.05)
+        for cell in (0, 1):
+            self.assertEqual({keeper for keeper, state in drawn[cell] if state in ("tracking", "degraded")}, set(self.CELLS))
+        for listener in heard:
+            self.check_crossings([t for t in listener.tracks if t.state in POSED])
+        for daemon in self.fusions:
+            for kind in ("observation", "track", "bid"):
+                for fault in ("duplicate", "old_boot", "foreign", "calibration", "malformed", "future"):
+                    count = daemon.metric("sightline_cell_messages_total", kind=kind, verdict=fault)
+                    self.assertEqual(count, 0, f"{kind} {fault}")
+            self.assertGreater(daemon.metric("sightline_cell_handovers_total"), 4)
+
+    def check_crossings(self, tracks):
+        """As somebody sees them who listens at one broker."""
+        changes = handovers(tracks)
+        self.assertGreater(len(changes), 4)
+        by_time = {}
+        for track in tracks:
+            if track.state != "coasting":
+                by_time.setdefault(track.utc_ns, set()).add(track.cell)
+        double = sum(len(cells) > 1 for cells in by_time.values())
+        gaps = [max(0, round((b.utc_ns - a.utc_ns) / FRAME_NS) - 1) for a, b in changes]
+        jumps = [sum((x - y) ** 2 for x, y in zip(a.place_at(b.utc_ns), b.place)) ** .5 for a, b in changes]
+        sigmas = [(a.sigma ** 2 + b.sigma ** 2) ** .5 for a, b in changes]
+        print(f"figure: {len(changes)} hand-overs, published twice: {double} of {len(by_time)} frames, frames missing: "
+              f"{sum(gaps)}, jump [mm] p50 {1e3 * statistics.median(jumps):.2f}, max {1e3 * max(jumps):.2f}, in sigmas p50 "
+              f"{statistics.median(j / s for j, s in zip(jumps, sigmas)):.2f}, max "
+              f"{max(j / s for j, s in zip(jumps, sigmas)):.2f}", flush=True)
+        self.assertLessEqual(double, len(by_time) // 50)
+        self.assertLessEqual(statistics.median(gaps), 0)
+        self.assertLess(statistics.median(jumps), 0.02)
+
+    def test_the_keepers_fusion_host_dies(self):
+        self.both_cells()
+        self.wait_for_keeper(self.fusions[0], 1)
+        heard = self.listen(0)
+        self.fusions[1].process.send_signal(signal.SIGKILL)
+        self.fusions[1].process.wait(timeout=WAIT_S)
+        begin = time.monotonic()
+        self.wait_for_keeper(self.fusions[0], 0)
+        print(f"figure: the other cell took over {time.monotonic() - begin:.2f} s after the fusion host died", flush=True)
+        # What cell b's camera host draws comes from the neighbor now.
+        wait_until(lambda: self.cameras[1].state()["objects"][0]["state"] in POSED and
+                   self.keeper(self.cameras[1]) == "site/a", "b draws what a publishes")
+        self.assertEqual(self.cameras[1].state()["cell"]["fusion"], "")
+        self.fusions[1] = self.start_host(1, "fusion")
+        self.wait_for_keeper(self.fusions[0], 1)  # it is given back where b sees it better
+        terms = [track.term for track in heard.tracks]
+        self.assertEqual(terms, sorted(terms), "who had it before is not heard again")
+
+    def test_the_neighbors_broker_dies(self):
+        self.both_cells()
+        self.wait_for_keeper(self.fusions[0], 1)
+        self.brokers[1].kill()
+        self.brokers[1].wait(timeout=WAIT_S)
+        begin = time.monotonic()
+        self.wait_for_keeper(self.fusions[0], 0)
+        print(f"figure: the other cell took over {time.monotonic() - begin:.2f} s after the broker died", flush=True)
+        self.wait_for_state(self.cameras[0], "tracking", "degraded")
+        wait_until(lambda: not self.fusions[1].state()["cell"]["connected"], "b is alone")
+        self.start_broker(1)
+        for daemon in self.fusions + self.cameras:
+            for cell in (0, 1):  # both agree again, to and fro
+                self.wait_for_keeper(daemon, cell)
+
+    def test_a_network_that_is_cut_between_the_cells(self):
+        self.both_cells()
+        self.wait_for_keeper(self.fusions[0], 0)
+        before = self.fusions[0].metric("sightline_cell_handovers_total")
+        # Cell b's broker goes on without the bridge of a's: the two cells do not hear each other.
+        self.brokers[0].send_signal(signal.SIGSTOP)
+        try:
+            self.wait_for_keeper(self.fusions[1], 1)
+            time.sleep(3)
+            self.assertEqual(self.keeper(self.fusions[1]), "site/b")
+        finally:
+            self.brokers[0].send_signal(signal.SIGCONT)
+        wait_until(lambda: self.keeper(self.fusions[0]) == self.keeper(self.fusions[1]) != "", "they agree")
+        wait_until(lambda: self.fusions[0].metric("sightline_cell_handovers_total") > before + 2, "it goes to and fro again")
+
+    def test_what_is_not_the_neighbors_is_refused(self):
+        self.both_cells()
+        wait_until(lambda: self.fusions[0].metric("sightline_cell_messages_total", kind="bid", verdict="taken") > 5, "bids come")
+        self.port = self.ports[0]
+        now = time.time_ns()
+        bid = f'version: 1 object: "carton" host: "f" boot: 7 sequence: 1 time_utc_ns: {now} holds: true term: {now + 10**12}'
+        self.publish("site/b/bid/carton", encode("Bid", bid))  # of a daemon that does not keep site/b's estimates
+        self.publish("site/b/bid/carton", b"nonsense")
+        self.publish("site/b/track/carton", b"nonsense")
+        self.publish("site/b/cam/side/obs/carton", b"nonsense")
+
+        def count(kind, verdict):
+            return self.fusions[0].metric("sightline_cell_messages_total", kind=kind, verdict=verdict)
+        for kind, verdict in (("bid", "foreign"), ("bid", "malformed"), ("track", "malformed")):
+            wait_until(lambda k=kind, v=verdict: count(k, v) == 1, f"the {kind} is {verdict}")
+        for cell in (0, 1):
+            self.wait_for_keeper(self.fusions[0], cell)
+
+
+if __name__ == "__main__":
+    if missing():
+        print("skipped: not installed: " + ", ".join(missing()))
+        sys.exit(77)
+    unittest.main(verbosity=2)
