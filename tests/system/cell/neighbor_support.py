@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Two cells on one machine, each with a real mosquitto of its own that bridges what it needs of the other one's, and what
 their brokers say of one object."""
+import csv
 import math
 import os
 import shutil
@@ -75,6 +76,32 @@ class Track:
         cross = [u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3] + w * v[i] for i in range(3)]
         moved = [v[i] + 2 * (u[(i + 1) % 3] * cross[(i + 2) % 3] - u[(i + 2) % 3] * cross[(i + 1) % 3]) for i in range(3)]
         return [self.place[i] + dt * moved[i] for i in range(3)]
+
+
+class Truth:
+    """Where the object of a recording is that hosts play in step, over and over."""
+    JUMP_NS = 500_000_000  # at the begin of a turn it jumps back: no motion that an estimator is made for
+
+    def __init__(self, folder):
+        with open(f"{folder}/truth.csv", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+        self.places = [[float(row[key]) for key in ("tx", "ty", "tz")] for row in rows]
+        self.frame_ns = (int(rows[-1]["t_ns"]) - int(rows[0]["t_ns"])) / (len(rows) - 1)
+        self.turn_ns = round(self.frame_ns * len(rows))
+
+    def error(self, utc_ns, place):
+        """How far it is off, as a vector [m]; None where it has just jumped, or between two truths."""
+        slack_ns = 1_000_000
+        in_turn_ns = (utc_ns + slack_ns) % self.turn_ns - slack_ns
+        frame = round(in_turn_ns / self.frame_ns)
+        if abs(in_turn_ns - frame * self.frame_ns) > slack_ns or in_turn_ns < self.JUMP_NS:
+            return None
+        return [a - b for a, b in zip(place, self.places[frame])]
+
+    def jump(self, before, after):
+        """Of (UTC, place) and a later one: by how much the error differs; None as above."""
+        errors = [self.error(*one) for one in (before, after)]
+        return None if None in errors else math.dist(*errors)
 
 
 class Listener:
