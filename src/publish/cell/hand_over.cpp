@@ -127,14 +127,16 @@ const std::string* HandOver::better_one(const EstimateWorth& own, Time now) {
 
 bool HandOver::give(const EstimateWorth& own, Time now, uint64_t utc_ns) {
   if (!own_.next.empty()) {
-    if (others_.contains(own_.next) && now < own_.until + kLead) return false;
+    if (others_.contains(own_.next) && now < own_.until + kAnswer) return false;
     hold(own_.from, utc_ns);  // no answer
     return true;
   }
   const std::string* const next = better_one(own, now);
   if (next == nullptr) return false;
   own_.next = *next;
-  own_.until = now + kLead;
+  // What this cell does not see it predicts worse with each frame. The other one has kept what it
+  // made of the frames until it hears of this.
+  own_.until = is_measured(own.state) ? now + kLead : now;
   return true;
 }
 

@@ -40,12 +40,12 @@ struct Holding {
 /// Which of several cells that see one object publishes it: one at each capture time, without a gap
 /// where the object goes from one cell to the next. Each cell has one of these per object and hears
 /// the others'. Who keeps the object gives it to a neighbor whose estimate is surer by kMargin for
-/// kPatience, or that sees it while the keeper does not: it names the neighbor and a capture time a
-/// moment ahead, the neighbor takes it from there on, and where no answer comes by then, the keeper
-/// goes on. A keeper that is not heard for kSilence is followed by whoever has a pose, from the
-/// last frame on that was heard of. Of two that keep it (the network was cut) the later one goes
-/// on. Passive, no clock of its own: `now` is CLOCK_MONOTONIC, as are capture times. One thread at
-/// a time.
+/// kPatience, or that sees it while the keeper does not: it names the neighbor and a capture time,
+/// a moment ahead if it sees the object itself, the neighbor takes it from there on, and where no
+/// answer comes soon, the keeper goes on. A keeper that is not heard for kSilence is followed by
+/// whoever has a pose, from the last frame on that was heard of. Of two that keep it (the network
+/// was cut) the later one goes on. Passive, no clock of its own: `now` is CLOCK_MONOTONIC, as are
+/// capture times. One thread at a time.
 class HandOver {
  public:
   /// `cell`: this one's name.
@@ -74,6 +74,7 @@ class HandOver {
   static constexpr Duration kSilence = std::chrono::milliseconds(500);
   static constexpr Duration kPatience = std::chrono::milliseconds(300);
   static constexpr Duration kLead = std::chrono::milliseconds(150);    ///< of the time of a change
+  static constexpr Duration kAnswer = std::chrono::milliseconds(150);  ///< bound, after that time
   static constexpr Duration kListen = std::chrono::milliseconds(150);  ///< before the first claim
   static constexpr double kMargin = 0.7;                               ///< of the keeper's sigma
 
