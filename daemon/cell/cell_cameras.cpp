@@ -89,6 +89,7 @@ void CellCameras::on_track(std::string_view cell, std::string_view topic, std::s
 }
 
 void CellCameras::advance(bool connected, Time now) {
+  if (begun_ == Time{}) begun_ = now;
   for (CellTracks& tracks : cells_) (void)tracks.leader().advance(now);
   for (size_t i = 0; i < objects_.size(); ++i) {
     if (local_) advance_local(ObjectId(static_cast<uint32_t>(i)), connected, now);
@@ -102,6 +103,7 @@ void CellCameras::advance(bool connected, Time now) {
 }
 
 bool CellCameras::is_away(const Object& object, bool connected, Time now) const {
+  if (now - begun_ < kAwayAfter) return false;  // it may not have heard of anybody yet
   const bool neighbors = !object.cell.empty() && object.cell != cells_.front().topics().cell;
   if (connected && neighbors && now - object.heard <= kNeighborAway) return false;
   return !connected || cells_.front().leader().host().empty() || now - leader_heard_ > kAwayAfter;

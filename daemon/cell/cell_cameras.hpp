@@ -57,6 +57,7 @@ class CellCameras {
   const CellParts& parts_;
   std::vector<CellTracks> cells_;  // the own one first
   std::vector<Object> objects_;    // by ObjectId
+  Time begun_{};                   // the first advance()
   Time leader_heard_{};            // anything of the own cell's fusion host
   std::unique_ptr<CellLocal> local_;
   CellCounters counters_;

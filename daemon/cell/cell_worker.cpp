@@ -166,7 +166,7 @@ MqttSession CellWorker::session() {
   }
   for (const RemoteCamera& camera : parts_.options.cameras) {
     if (!fusion_ || camera.cell.empty()) continue;
-    session.subscriptions.push_back({CellTopics(camera.cell).observation(camera.name, "+"), 0});
+    session.subscriptions.push_back({CellTopics(camera.cell).observations_of(camera.name), 0});
   }
   session.on_connect = [this] { greet_ = true; };
   session.on_message = [this](std::string_view topic, std::string_view payload, bool) {

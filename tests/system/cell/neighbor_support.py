@@ -54,7 +54,9 @@ class Track:
 
     def __init__(self, arrival, topic, payload):
         self.arrival, self.cell = arrival, topic.split("/track/")[0]
-        values = dict(fields(payload))
+        read = list(fields(payload))
+        values = dict(read)
+        self.cameras = {value.decode() for number, value in read if number == 14}
         self.utc_ns, self.term = values[6], values.get(15, 0)
         self.state = STATES[values.get(8, 0)]
         self.place = self.sigma = None

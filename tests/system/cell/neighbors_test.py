@@ -4,17 +4,20 @@
 it at a time, no frame without. What happens when the other cell's fusion host or broker dies. Figures are printed."""
 import math
 import os
+import shutil
 import signal
 import statistics
+import subprocess
 import sys
 import time
+import tomllib
 import unittest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
-from cell_support import encode, missing  # noqa: E402
+from cell_support import BENCH, MOSQUITTO, encode, missing  # noqa: E402
 from neighbor_support import NeighborsCase, Truth  # noqa: E402
-from support import WAIT_S, wait_until  # noqa: E402
+from support import WAIT_S, Daemon, read_text, sightline, wait_until  # noqa: E402
 
 FRAME_NS = 33_333_333
 POSED = ("tracking", "degraded", "coasting")
@@ -53,6 +56,8 @@ class Neighbors(NeighborsCase):
         """As somebody sees them who listens at one broker."""
         changes = handovers(tracks)
         self.assertGreater(len(changes), 4)
+        fused = [{camera for track in tracks if track.cell == cell for camera in track.cameras} for cell in self.CELLS]
+        self.assertEqual(fused, [{"left", "side"}, {"right", "side"}], "both fuse the border camera")
         by_time = {}
         for track in tracks:
             if track.state != "coasting":
@@ -135,6 +140,91 @@ class Neighbors(NeighborsCase):
             wait_until(lambda k=kind, v=verdict: count(k, v) == 1, f"the {kind} is {verdict}")
         for cell in (0, 1):
             self.wait_for_keeper(self.fusions[0], cell)
+
+
+class Init(NeighborsCase):
+    """Two cells as `sightline cell init` makes them, certificates, access lists and bridges included."""
+
+    def init(self, cell, *more, status=0):
+        other = 1 - cell
+        folder = self.path(f"rig{cell}")
+        if not os.path.exists(folder):
+            shutil.copytree(os.path.join(BENCH, "objects"), os.path.join(folder, "objects"))
+            shutil.copy(os.path.join(BENCH, "calibration.toml"), folder)
+        text = f'name = "rig"\ncalibration = "calibration.toml"\n[cell]\nneighbors = ["{self.CELLS[other]}"]\n'
+        for camera, owner in self.cell_of.items():
+            if owner != cell and camera not in self.border:
+                continue
+            text += f'[[camera]]\nname = "{camera}"\nhost = "{self.host_of(owner)}"\n'
+            text += (f'source = "replay:{self.recording}"\nin_step = true\n' if owner == cell
+                     else f'cell = "{self.CELLS[owner]}"\n')
+        text += '[[object]]\nfile = "objects/carton.toml"\n[rtsp]\nport = 0\n[http]\nport = 0\n'
+        config = self.write(os.path.join(folder, "rig.toml"), text)
+        out = self.path(f"out{cell}")
+        _, err = sightline("cell", "init", out, "--config", config, "--name", self.CELLS[cell], "--fusion", "f", "--broker",
+                           "127.0.0.1", "--port", str(self.ports[cell]), "--broker-folder", os.path.join(out, "broker"), *more,
+                           status=status)
+        return out, err
+
+    def test_two_cells_run_with_what_was_written(self):
+        outs = [self.init(cell, "--neighbor", f"{self.CELLS[1 - cell]}=127.0.0.1:{self.ports[1 - cell]}")[0]
+                for cell in (0, 1)]
+        names = [cell.replace("/", "_") for cell in self.CELLS]
+        for cell in (0, 1):  # each brings the other one's broker what that may read here
+            shutil.copytree(os.path.join(outs[cell], "neighbors", names[1 - cell]),
+                            os.path.join(outs[1 - cell], "broker", names[cell]))
+        for cell, out in enumerate(outs):
+            config = self.write(f"main{cell}.conf", f"user root\ninclude_dir {os.path.join(out, 'broker')}\n")
+            broker = subprocess.Popen([MOSQUITTO, "-c", config], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            self.addCleanup(broker.wait, timeout=WAIT_S)
+            self.addCleanup(broker.kill)
+        daemons = []
+        for cell, out in enumerate(outs):
+            for host, role in (("f", "fusion"), (self.host_of(cell), "cameras")):
+                written = os.path.join(out, "hosts", host, "sightline.toml")
+                daemon = self.started(written)
+                self.assertEqual(tomllib.loads(read_text(written))["cell"]["role"], role)
+                daemons.append(daemon)
+        for cell in (0, 1):
+            for daemon in daemons:
+                self.wait_for_keeper(daemon, cell)
+        wait_until(lambda: daemons[2].metric("sightline_cell_messages_total", kind="observation", verdict="taken") > 10,
+                   "b takes observations")
+        # The neighbor's broker may read, and nothing else.
+        folder = os.path.join(outs[0], "neighbors", names[1])
+        who = ["-h", "127.0.0.1", "-p", str(self.ports[0]), "--cafile", f"{folder}/ca.pem", "--cert", f"{folder}/bridge.pem",
+               "--key", f"{folder}/bridge.key", "-q", "1"]
+        heard = subprocess.run(["mosquitto_sub", *who, "-t", "site/a/fusion", "-C", "1", "-W", "20"], timeout=WAIT_S,
+                               capture_output=True, check=True)
+        self.assertNotEqual(heard.stdout, b"")
+        for topic in ("site/a/bid/carton", "site/a/cam/left/obs/carton", "site/b/bid/carton", "site/b/track/carton"):
+            subprocess.run(["mosquitto_pub", *who, "-t", topic, "-m", "x"], timeout=WAIT_S, capture_output=True, check=False)
+        time.sleep(1)
+        for kind in ("bid", "observation", "track"):
+            self.assertEqual(daemons[0].metric("sightline_cell_messages_total", kind=kind, verdict="malformed"), 0, kind)
+
+    def started(self, config):
+        before = os.environ["PATH"]
+        os.environ["PATH"] = self.tools + ":" + before
+        folder = self.path(f"run{len(os.listdir(self.folder))}")
+        os.mkdir(folder)
+        try:
+            daemon = Daemon(folder, config)
+        finally:
+            os.environ["PATH"] = before
+        self.addCleanup(daemon.close)
+        daemon.wait_for_word("READY=1")
+        return daemon
+
+    def test_wrong_usage(self):
+        out, err = self.init(0, status=2)
+        self.assertIn("where is the broker of site/b", err)
+        for bad in ("site/b", "site/b=", "site/b=h:x", "site/b=h:70000", "a\nb=h", "site/#=h"):
+            _, err = self.init(0, "--neighbor", bad, status=2)
+            self.assertIn("write CELL=BROKER", err)
+        _, err = self.init(0, "--neighbor", f"{self.CELLS[0]}=127.0.0.1", "--neighbor", f"{self.CELLS[1]}=127.0.0.1", status=2)
+        self.assertIn("is this cell", err)
+        self.assertFalse(os.path.exists(out))
 
 
 if __name__ == "__main__":

@@ -61,6 +61,9 @@ struct CellTopics {
   std::string observation(const std::string& camera, const std::string& object) const {
     return cell + "/cam/" + topic_level(camera) + "/obs/" + topic_level(object);
   }
+  std::string observations_of(const std::string& camera) const {
+    return cell + "/cam/" + topic_level(camera) + "/obs/+";
+  }
   std::string tracks() const { return cell + "/track/+"; }
   std::string track(const std::string& object) const {
     return cell + "/track/" + topic_level(object);
