@@ -44,14 +44,6 @@ def summary(tracks, truth):
             "wrong": sum(e > 20 and track.state == "tracking" for e, track in errors)}
 
 
-def take_markers(case):
-    path = f"{case.recording}/objects/{case.objects[0]}.toml"
-    with open(path, encoding="utf-8") as file:
-        text = file.read()
-    with open(path, "w", encoding="utf-8") as file:
-        file.write(text[:text.index("[[fiducial]]")])
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=60)
@@ -61,12 +53,13 @@ def main():
     case.setUp()
     try:
         if arguments.plain:
-            take_markers(case)
+            case.take_markers()
         case.both_cells()
         heard = [case.listen(cell) for cell in (0, 1)]
         time.sleep(arguments.seconds)
         for cell, listener in zip(case.CELLS, heard):
             row = summary(list(listener.tracks), Truth(case.recording))
+            row["adopted"] = [int(daemon.metric("sightline_cell_adopted_total")) for daemon in case.fusions]
             print(json.dumps({"listened_at": cell, **row, "load": round(os.getloadavg()[0], 1)}), flush=True)
     finally:
         case.doCleanups()

@@ -30,7 +30,9 @@ CellNeighbors::CellNeighbors(const CellParts& parts, const CellIdentity& self, R
       sent_(registry.counter("sightline_cell_bids_sent_total",
                              "What neighboring cells were told of objects")),
       changes_(registry.counter("sightline_cell_handovers_total",
-                                "Times that an object went to another cell or came from one")) {
+                                "Times that an object went to another cell or came from one")),
+      adopted_(registry.counter("sightline_cell_adopted_total",
+                                "Times that a neighbor's estimate was where this cell began")) {
   const size_t objects = parts.names.objects.size();
   for (const std::string& cell : parts.options.neighbors) {
     neighbors_.push_back({CellTracks(parts, cell), std::vector<uint64_t>(objects)});
@@ -166,6 +168,7 @@ void CellNeighbors::adopt(Object& object, const PoseTrackPtr& own, Time now) {
   if (track->empty() || !is_measured(track->newest().state)) return;
   if (now - track->newest().time > kFresh) return;
   object.adopted = now;
+  adopted_.add();
   parts_.fusion->adopt(std::move(track));
 }
 

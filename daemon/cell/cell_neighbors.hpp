@@ -75,7 +75,7 @@ class CellNeighbors {
   std::vector<Object> objects_;  // by ObjectId
   uint64_t sequence_ = 0;
   CellCounters tracks_, bids_;
-  Counter &sent_, &changes_;
+  Counter &sent_, &changes_, &adopted_;
 };
 
 }  // namespace sightline

@@ -22,28 +22,30 @@ EstimateWorth nothing() { return {TrackState::kSearching, 0}; }
 
 /// Two cells and a network between them, in steps of a frame that both see.
 struct TwoCells {
+  static constexpr size_t kNobody = 2;  // or both
   std::array<HandOver, 2> cells{HandOver("a"), HandOver("b")};
   std::array<bool, 2> alive{true, true};
-  std::function<EstimateWorth(int cell, Time)> worth = [](int, Time) { return tracking(0.001); };
+  std::function<EstimateWorth(size_t cell, Time)> worth = [](size_t, Time) {
+    return tracking(0.001);
+  };
   /// Of a message that a cell sends; nullopt: it is lost.
-  std::function<std::optional<Duration>(int cell)> delay = [](int) { return Duration(2ms); };
+  std::function<std::optional<Duration>(size_t cell)> delay = [](size_t) { return Duration(2ms); };
 
   Time now = Time(1000s);
-  std::map<Time, std::vector<int>> published;  ///< by capture time: who
+  std::map<Time, std::vector<size_t>> published;  ///< by capture time: who
   int changes = 0;
 
   void run(Duration span) {
     for (const Time end = now + span; now < end; now += kFrame) {
       deliver();
-      for (int cell = 0; cell < 2; ++cell) {
+      for (size_t cell = 0; cell < 2; ++cell) {
         if (alive[cell]) act(cell);
       }
     }
   }
-  int holder() const {
-    return cells[0].own().holds && !cells[1].own().holds   ? 0
-           : cells[1].own().holds && !cells[0].own().holds ? 1
-                                                           : -1;
+  size_t holder() const {
+    const bool a = cells[0].own().holds, b = cells[1].own().holds;
+    return a == b ? kNobody : b ? 1 : 0;
   }
   size_t missing(Time from, Time to) const {
     size_t count = 0;
@@ -58,7 +60,7 @@ struct TwoCells {
  private:
   struct Message {
     Time due;
-    int to;
+    size_t to;
     std::function<void(HandOver&, Time)> say;
   };
   std::deque<Message> network_;
@@ -66,9 +68,9 @@ struct TwoCells {
   std::array<bool, 2> held_{};
   std::array<std::deque<Time>, 2> history_;  // frames that a cell has an estimate of, not published
 
-  static std::string name(int cell) { return cell == 0 ? "a" : "b"; }
+  static std::string name(size_t cell) { return cell == 0 ? "a" : "b"; }
 
-  void send(int from, std::function<void(HandOver&, Time)> say) {
+  void send(size_t from, std::function<void(HandOver&, Time)> say) {
     if (const auto late = delay(from)) network_.push_back({now + *late, 1 - from, std::move(say)});
   }
   void deliver() {
@@ -79,7 +81,7 @@ struct TwoCells {
       if (alive[message.to]) message.say(cells[message.to], now);
     }
   }
-  void act(int cell) {
+  void act(size_t cell) {
     HandOver& own = cells[cell];
     const EstimateWorth has = worth(cell, now);
     const bool news =
@@ -108,7 +110,7 @@ struct TwoCells {
 TEST(HandOver, OneOfTwoThatBeginAtOnce) {
   TwoCells two;
   two.run(2s);
-  EXPECT_NE(two.holder(), -1);
+  EXPECT_NE(two.holder(), TwoCells::kNobody);
   EXPECT_EQ(two.twice(), 0U);
   EXPECT_EQ(two.missing(two.now - 1s, two.now), 0U);
   EXPECT_EQ(two.cells.at(0).holder(), two.cells.at(1).holder());
@@ -117,10 +119,10 @@ TEST(HandOver, OneOfTwoThatBeginAtOnce) {
 TEST(HandOver, AnObjectThatCrossesIsPublishedOnceAndAlways) {
   for (const Duration latency : {0ms, 2ms, 30ms, 100ms}) {
     TwoCells two;
-    two.delay = [latency](int) { return latency; };
+    two.delay = [latency](size_t) { return latency; };
     const Time begin = two.now;
     // Back and forth: a alone, both, b alone.
-    two.worth = [begin](int cell, Time now) {
+    two.worth = [begin](size_t cell, Time now) {
       const double place = std::sin(to_seconds(now - begin));
       const double distance = cell == 0 ? place + 1 : 1 - place;
       return distance > 1.7 ? nothing() : tracking(0.001 * std::exp(2 * distance));
@@ -136,7 +138,7 @@ TEST(HandOver, NoiseDoesNotSendItToAndFro) {
   TwoCells two;
   std::mt19937 chance(5);
   std::lognormal_distribution<double> sigma(std::log(0.002), 0.3);
-  two.worth = [&](int, Time) { return tracking(sigma(chance)); };
+  two.worth = [&](size_t, Time) { return tracking(sigma(chance)); };
   two.run(1s);  // two that begin at once, one of which yields
   const int before = two.changes;
   two.run(60s);
@@ -146,10 +148,10 @@ TEST(HandOver, NoiseDoesNotSendItToAndFro) {
 TEST(HandOver, IsGivenAtOnceToWhoSeesItAlone) {
   TwoCells two;
   two.run(1s);
-  const int first = two.holder();
-  ASSERT_NE(first, -1);
+  const size_t first = two.holder();
+  ASSERT_NE(first, TwoCells::kNobody);
   const Time hidden = two.now;
-  two.worth = [&](int cell, Time) {
+  two.worth = [&](size_t cell, Time) {
     return cell == first ? EstimateWorth{TrackState::kCoasting, 0.02} : tracking(0.001);
   };
   two.run(400ms);
@@ -160,7 +162,7 @@ TEST(HandOver, IsGivenAtOnceToWhoSeesItAlone) {
 TEST(HandOver, AKeeperThatDiesLosesNoFrame) {
   TwoCells two;
   two.run(1s);
-  const int first = two.holder();
+  const size_t first = two.holder();
   const Time died = two.now;
   two.alive.at(first) = false;
   two.run(1s);
@@ -172,7 +174,7 @@ TEST(HandOver, AKeeperThatDiesLosesNoFrame) {
 TEST(HandOver, ALastWillIsFollowedAtOnce) {
   TwoCells two;
   two.run(1s);
-  const int first = two.holder();
+  const size_t first = two.holder();
   two.alive.at(first) = false;
   two.cells.at(1 - first).gone(first == 0 ? "a" : "b");
   two.run(20ms);
@@ -182,13 +184,13 @@ TEST(HandOver, ALastWillIsFollowedAtOnce) {
 TEST(HandOver, WithoutANetworkEachGoesOnAndOneYieldsAfterwards) {
   TwoCells two;
   two.run(1s);
-  const int first = two.holder();
-  two.delay = [](int) -> std::optional<Duration> { return std::nullopt; };
+  const size_t first = two.holder();
+  two.delay = [](size_t) -> std::optional<Duration> { return std::nullopt; };
   two.run(3s);
   EXPECT_TRUE(two.cells.at(0).own().holds && two.cells.at(1).own().holds);
   const size_t double_then = two.twice();
   EXPECT_GT(double_then, 100U);
-  two.delay = [](int) { return Duration(5ms); };
+  two.delay = [](size_t) { return Duration(5ms); };
   two.run(1s);
   EXPECT_EQ(two.holder(), 1 - first) << "the later one goes on";
   EXPECT_LE(two.twice(), double_then + 15) << "as long as the two have not said it yet";
@@ -198,10 +200,10 @@ TEST(HandOver, WithoutANetworkEachGoesOnAndOneYieldsAfterwards) {
 TEST(HandOver, AnOfferThatNobodyAnswersIsTakenBack) {
   TwoCells two;
   two.run(1s);
-  const int first = two.holder();
+  const size_t first = two.holder();
   // What the other one says still arrives; what is said to it does not, nor its answers.
-  two.worth = [&](int cell, Time) { return tracking(cell == first ? 0.01 : 0.001); };
-  two.delay = [&](int cell) -> std::optional<Duration> {
+  two.worth = [&](size_t cell, Time) { return tracking(cell == first ? 0.01 : 0.001); };
+  two.delay = [&](size_t cell) -> std::optional<Duration> {
     if (cell == first) return std::nullopt;
     return Duration(2ms);
   };
@@ -214,11 +216,11 @@ TEST(HandOver, AnOfferThatNobodyAnswersIsTakenBack) {
 TEST(HandOver, TermsGrowOverRestarts) {
   TwoCells two;
   two.run(1s);
-  const int first = two.holder();
+  const size_t first = two.holder();
   const uint64_t before = two.cells.at(first).own().term;
   two.cells.at(first) = HandOver(first == 0 ? "a" : "b");  // it has died and knows of nothing
   two.run(1s);
-  ASSERT_NE(two.holder(), -1);
+  ASSERT_NE(two.holder(), TwoCells::kNobody);
   EXPECT_GT(two.cells.at(two.holder()).own().term, before);
   EXPECT_EQ(two.twice(), 0U);
 }
@@ -230,16 +232,18 @@ TEST(HandOver, AnyNetworkEndsWithOneKeeper) {
     TwoCells two;
     std::uniform_int_distribution<int> ms(0, 400), loss(0, 3);
     std::lognormal_distribution<double> sigma(std::log(0.002), 1.0);
-    two.worth = [&](int, Time) { return loss(chance) == 0 ? nothing() : tracking(sigma(chance)); };
-    two.delay = [&](int) -> std::optional<Duration> {
+    two.worth = [&](size_t, Time) {
+      return loss(chance) == 0 ? nothing() : tracking(sigma(chance));
+    };
+    two.delay = [&](size_t) -> std::optional<Duration> {
       if (loss(chance) == 0) return std::nullopt;
       return Duration(std::chrono::milliseconds(ms(chance)));
     };
     two.run(5s);
-    two.delay = [](int) { return Duration(2ms); };
-    two.worth = [](int, Time) { return tracking(0.001); };
+    two.delay = [](size_t) { return Duration(2ms); };
+    two.worth = [](size_t, Time) { return tracking(0.001); };
     two.run(2s);
-    EXPECT_NE(two.holder(), -1) << round;
+    EXPECT_NE(two.holder(), TwoCells::kNobody) << round;
     EXPECT_EQ(two.missing(two.now - 1s, two.now), 0U) << round;
     const Time settled = two.now;
     two.run(1s);

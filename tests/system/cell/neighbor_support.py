@@ -157,6 +157,14 @@ class NeighborsCase(CellCase):
                             "0", "-g", "15", "-pix_fmt", "yuv420p", f"{folder}/{camera}.mkv"], check=True, timeout=WAIT_S)
         return folder
 
+    def take_markers(self):
+        """From the object: it has to be found and followed by its looks."""
+        path = f"{self.recording}/objects/{self.objects[0]}.toml"
+        with open(path, encoding="utf-8") as file:
+            text = file.read()
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(text[:text.index("[[fiducial]]")])
+
     def bridge(self, cell):
         """What `sightline cell init --neighbor` writes."""
         other, name = 1 - cell, self.CELLS[1 - cell]
