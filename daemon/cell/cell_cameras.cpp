@@ -103,7 +103,7 @@ void CellCameras::advance(bool connected, Time now) {
 }
 
 bool CellCameras::is_away(const Object& object, bool connected, Time now) const {
-  if (now - begun_ < kAwayAfter) return false;  // it may not have heard of anybody yet
+  if (leader_heard_ == Time{} && now - begun_ < kAwayAfter) return false;  // it has just begun
   const bool neighbors = !object.cell.empty() && object.cell != cells_.front().topics().cell;
   if (connected && neighbors && now - object.heard <= kNeighborAway) return false;
   return !connected || cells_.front().leader().host().empty() || now - leader_heard_ > kAwayAfter;

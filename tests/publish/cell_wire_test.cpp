@@ -158,6 +158,18 @@ TEST(CellWire, RefusesBidsThatAreNone) {
   EXPECT_FALSE(decode_host_state(encode(bid())));
 }
 
+// The estimator's own sums leave as much where there are none.
+TEST(CellWire, RoundingIsNoAlternative) {
+  CellTrack t = track();
+  t.estimate.alternatives.setZero();
+  t.estimate.alternatives(3, 3) = -4e-21;
+  t.estimate.alternatives(1, 1) = 4e-21;
+  t.estimate.alternatives(0, 1) = t.estimate.alternatives(1, 0) = 3e-21;
+  const auto again = decode_track(encode(t));
+  ASSERT_TRUE(again) << again.error().message();
+  EXPECT_TRUE(again->estimate.alternatives.isZero(0));
+}
+
 TEST(CellWire, ALostObjectHasNoPose) {
   CellTrack t = track();
   t.estimate.state = TrackState::kLost;

@@ -122,7 +122,7 @@ class Local(CellCase):
         self.broker()
         alone = self.host("a", tls="local = true\n")
         self.wait_for_state(alone, "tracking", "degraded")
-        self.assertTrue(self.is_local(alone))
+        wait_until(lambda: self.is_local(alone), "it says that it is by itself")
         self.host("f", "fusion")
         wait_until(lambda: not self.is_local(alone), "it follows the cell")
         self.wait_for_state(alone, "tracking")
