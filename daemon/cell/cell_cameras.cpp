@@ -31,19 +31,17 @@ CellCameras::CellCameras(const CellParts& parts, Registry& registry)
   if (parts.options.local) local_ = std::make_unique<CellLocal>(parts, registry);
 }
 
-const CellTracks* CellCameras::find(std::string_view cell) const {
+CellTracks* CellCameras::find(std::string_view cell) {
   const auto found = std::ranges::find_if(
       cells_, [cell](const CellTracks& tracks) { return tracks.topics().cell == cell; });
   return found == cells_.end() ? nullptr : &*found;
 }
 
-CellTracks* CellCameras::find(std::string_view cell) {
-  return const_cast<CellTracks*>(std::as_const(*this).find(cell));
-}
-
 std::string CellCameras::fusion(std::string_view cell) const {
-  const CellTracks* const tracks = find(cell);
-  return tracks == nullptr ? "" : tracks->leader().host();
+  for (const CellTracks& tracks : cells_) {
+    if (tracks.topics().cell == cell) return tracks.leader().host();
+  }
+  return {};
 }
 
 std::vector<std::string> CellCameras::holders() const {

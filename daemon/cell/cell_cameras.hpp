@@ -50,7 +50,6 @@ class CellCameras {
   bool gives_way(const PoseEstimate& estimate) const;
   void give_way(ObjectId id, Time end);
   void advance_local(ObjectId id, bool connected, Time now);
-  const CellTracks* find(std::string_view cell) const;
   CellTracks* find(std::string_view cell);
   void publish(const PoseEstimate& estimate, FusionWorker::Cause cause);
 

@@ -204,7 +204,7 @@ class NeighborsCase(CellCase):
         return "ab"[cell]
 
     def start_host(self, cell, role="cameras", extra=""):
-        host = self.host_of(cell) if role == "cameras" else "f"  # names are a cell's own
+        host = "f" if role == "fusion" else self.host_of(cell)  # names are a cell's own
         self.text = lambda *_, **__: self.text_of(cell, host, role, extra)
         daemon = self.host(host, role)
         return daemon

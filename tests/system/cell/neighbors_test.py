@@ -77,6 +77,23 @@ class Neighbors(NeighborsCase):
         self.assertLessEqual(statistics.median(gaps), 0)
         self.assertLess(statistics.median(jumps), 0.02)
 
+    def test_a_host_that_does_both_has_the_border_camera(self):
+        for cell in (0, 1):
+            self.start_broker(cell)
+        both = self.start_host(0, "both")
+        fusion, cameras = self.start_host(1, "fusion"), self.start_host(1)
+        for daemon in (both, fusion, cameras):
+            for cell in (0, 1):
+                self.wait_for_keeper(daemon, cell)
+        wait_until(lambda: fusion.metric("sightline_latency_seconds_count", camera="side", stage="fused") > 10,
+                   "its observations reach the neighbor")
+        seen = set()
+        wait_until(lambda: seen.update({self.keeper(both)} if self.object_state(both) == "tracking" else ()) or
+                   seen == set(self.CELLS), "it shows the object, whoever has it")
+        for kind in ("observation", "track", "bid"):
+            for fault in ("duplicate", "foreign", "malformed"):
+                self.assertEqual(both.metric("sightline_cell_messages_total", kind=kind, verdict=fault), 0, f"{kind} {fault}")
+
     def test_the_keepers_fusion_host_dies(self):
         self.both_cells()
         self.wait_for_keeper(self.fusions[0], 1)
