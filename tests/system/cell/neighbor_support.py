@@ -144,7 +144,9 @@ class NeighborsCase(CellCase):
 
     def other_port(self):
         with socket.socket() as probe:  # the first one is free still: it is taken meanwhile
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind(("127.0.0.1", self.port))
+            probe.listen()
             return fixed_port()
 
     def halves(self):

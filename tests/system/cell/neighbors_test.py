@@ -30,10 +30,19 @@ def handovers(tracks):
 
 
 class Neighbors(NeighborsCase):
+    @staticmethod
+    def faults(daemon):
+        """What a host refused. While bridges connect, estimates may come before the word of who makes them (foreign)."""
+        return {(kind, fault): daemon.metric("sightline_cell_messages_total", kind=kind, verdict=fault)
+                for kind in ("observation", "track", "bid")
+                for fault in ("duplicate", "old_boot", "foreign", "calibration", "malformed", "future")}
+
     def test_an_object_crosses(self):
         self.both_cells()
         for cell in (0, 1):
-            self.wait_for_keeper(self.fusions[0], cell)
+            for daemon in self.fusions:
+                self.wait_for_keeper(daemon, cell)
+        before = [self.faults(daemon) for daemon in self.fusions]
         heard = [self.listen(cell) for cell in (0, 1)]
         drawn = [set(), set()]
         end = time.monotonic() + 20
@@ -45,11 +54,8 @@ class Neighbors(NeighborsCase):
             self.assertEqual({keeper for keeper, state in drawn[cell] if state in ("tracking", "degraded")}, set(self.CELLS))
         for listener in heard:
             self.check_crossings([t for t in listener.tracks if t.state in POSED])
+        self.assertEqual([self.faults(daemon) for daemon in self.fusions], before)
         for daemon in self.fusions:
-            for kind in ("observation", "track", "bid"):
-                for fault in ("duplicate", "old_boot", "foreign", "calibration", "malformed", "future"):
-                    count = daemon.metric("sightline_cell_messages_total", kind=kind, verdict=fault)
-                    self.assertEqual(count, 0, f"{kind} {fault}")
             self.assertGreater(daemon.metric("sightline_cell_handovers_total"), 4)
             self.assertGreater(daemon.metric("sightline_latency_seconds_count", camera="side", stage="fused"), 10,
                                "both fuse the camera at the border")
@@ -85,14 +91,13 @@ class Neighbors(NeighborsCase):
         for daemon in (both, fusion, cameras):
             for cell in (0, 1):
                 self.wait_for_keeper(daemon, cell)
+        before = self.faults(both)
         wait_until(lambda: fusion.metric("sightline_latency_seconds_count", camera="side", stage="fused") > 10,
                    "its observations reach the neighbor")
         seen = set()
         wait_until(lambda: seen.update({self.keeper(both)} if self.object_state(both) == "tracking" else ()) or
                    seen == set(self.CELLS), "it shows the object, whoever has it")
-        for kind in ("observation", "track", "bid"):
-            for fault in ("duplicate", "foreign", "malformed"):
-                self.assertEqual(both.metric("sightline_cell_messages_total", kind=kind, verdict=fault), 0, f"{kind} {fault}")
+        self.assertEqual(self.faults(both), before)
 
     def test_the_keepers_fusion_host_dies(self):
         self.both_cells()
