@@ -14,6 +14,7 @@
 #include <memory>
 #include <optional>
 
+#include "cell/cell_certificates.hpp"
 #include "cell/cell_commands.hpp"
 #include "cell/cell_files.hpp"
 #include "report.hpp"
@@ -21,7 +22,6 @@
 #include "sightline/base/unique_fd.hpp"
 #include "sightline/config/cell_draft.hpp"
 #include "sightline/config/installation.hpp"
-#include "sightline/publish/cell/certificates.hpp"
 #include "sightline/record/copy_files.hpp"
 
 namespace sightline::cli {
@@ -34,15 +34,11 @@ constexpr size_t kLongestName = 64;
 
 struct InitOptions {
   fs::path config, out;
-  std::vector<std::string> hosts;  // NAME or NAME=CAMERA,CAMERA
+  std::vector<std::string> hosts;      // NAME or NAME=CAMERA,CAMERA
+  std::vector<std::string> neighbors;  // CELL=BROKER or CELL=BROKER:PORT
   CellSetup setup;
   int days = 3650;
-};
-
-struct NewFile {
-  fs::path path;  // relative to the folder that is made
-  std::string content;
-  bool secret = false;
+  bool update = false;  // of a folder that is there
 };
 
 Error wrong(const char* option, std::string text) {
@@ -111,9 +107,60 @@ Status read_hosts(const InitOptions& options, CellSetup& setup,
   return {};
 }
 
+// Of the cells next to this one the file says which they are, and the command line where.
+Status read_neighbors(const InitOptions& options, const CellDraft& draft, CellSetup& setup) {
+  for (const std::string& text : options.neighbors) {
+    const size_t at = text.find('=');
+    const std::vector<std::string> place =
+        split(at == std::string::npos ? "" : text.substr(at + 1), ':');
+    CellSetup::Neighbor neighbor{text.substr(0, at), place.front(), 8883, {}};
+    unsigned port = neighbor.port;
+    const bool numbered =
+        place.size() == 1 ||
+        (place.size() == 2 && !place[1].empty() && place[1].size() <= 5 &&
+         std::ranges::all_of(place[1], [](unsigned char c) { return std::isdigit(c) != 0; }) &&
+         (port = static_cast<unsigned>(std::stoul(place[1]))) > 0 && port <= UINT16_MAX);
+    if (!is_topic(neighbor.name) || !is_plain(neighbor.broker, "-.") || !numbered) {
+      return wrong("--neighbor", fmt::format("\"{}\": write CELL=BROKER or CELL=BROKER:PORT, as in "
+                                             "site/b=192.168.1.20",
+                                             text));
+    }
+    neighbor.port = static_cast<uint16_t>(port);
+    setup.neighbors.push_back(std::move(neighbor));
+  }
+  for (const std::string& name : draft.neighbors) {
+    if (std::ranges::find(setup.neighbors, name, &CellSetup::Neighbor::name) !=
+        setup.neighbors.end()) {
+      continue;
+    }
+    return wrong("--neighbor", fmt::format("where is the broker of {}, which {} names? Say "
+                                           "--neighbor {}=ADDRESS",
+                                           name, options.config.string(), name));
+  }
+  return {};
+}
+
+// A camera at the border, of a host of another cell.
+Status take_border_camera(const InitOptions& options, const CellDraft::Camera& camera,
+                          CellSetup& setup) {
+  const auto neighbor = std::ranges::find(setup.neighbors, camera.cell, &CellSetup::Neighbor::name);
+  if (neighbor != setup.neighbors.end()) {
+    neighbor->cameras.push_back(camera.name);
+    return {};
+  }
+  return make_error(ErrorCode::kInvalidInput,
+                    fmt::format("{}:{}", options.config.string(), camera.line),
+                    "camera {} has cell = \"{}\" there: say where that is, --neighbor {}=ADDRESS",
+                    camera.name, camera.cell, camera.cell);
+}
+
 Status take_cameras(const InitOptions& options, const CellDraft& draft, CellSetup& setup,
                     const std::map<std::string, std::string>& owners) {
   for (const CellDraft::Camera& camera : draft.cameras) {
+    if (!camera.cell.empty() && camera.cell != setup.name) {
+      SL_RETURN_IF_ERROR(take_border_camera(options, camera, setup));
+      continue;
+    }
     const auto owner = owners.find(camera.name);
     const std::string host = owner == owners.end() ? camera.host : owner->second;
     const auto where = [&] { return fmt::format("{}:{}", options.config.string(), camera.line); };
@@ -140,7 +187,7 @@ Status take_cameras(const InitOptions& options, const CellDraft& draft, CellSetu
 
 // What the command line leaves open is taken from the file.
 Status complete(const InitOptions& options, const CellDraft& draft, CellSetup& setup) {
-  if (setup.name.empty()) setup.name = draft.name.empty() ? "sightline/cell" : draft.name;
+  if (setup.name.empty()) setup.name = "sightline/cell";
   if (setup.broker.empty()) setup.broker = draft.broker;
   if (setup.fusion.empty() && draft.fuses) setup.fusion = draft.host;
   if (!is_topic(setup.name)) return wrong("--name", "a topic without +, # and a / in front");
@@ -163,29 +210,6 @@ Status complete(const InitOptions& options, const CellDraft& draft, CellSetup& s
                fmt::format("{} is the only host: a rig on one host needs no cell", setup.fusion));
 }
 
-Status add_certificates(const InitOptions& options, const CellSetup& setup,
-                        std::vector<NewFile>& files) {
-  SL_ASSIGN(const PemPair authority,
-            make_authority({.name = "Sightline cell", .days = options.days}));
-  files.push_back({"authority/ca.pem", authority.certificate});
-  files.push_back({"authority/ca.key", authority.key, true});
-  SL_ASSIGN(const PemPair broker,
-            make_certificate({.name = "broker", .addresses = {setup.broker}, .days = options.days},
-                             authority));
-  files.push_back({"broker/ca.pem", authority.certificate});
-  files.push_back({"broker/broker.pem", broker.certificate});
-  files.push_back({"broker/broker.key", broker.key, true});
-  for (const CellSetup::Host& host : setup.hosts) {
-    const fs::path folder = fs::path("hosts") / host.name / "cell";
-    SL_ASSIGN(const PemPair pair,
-              make_certificate({.name = host.name, .days = options.days}, authority));
-    files.push_back({folder / "ca.pem", authority.certificate});
-    files.push_back({folder / "host.pem", pair.certificate});
-    files.push_back({folder / "host.key", pair.key, true});
-  }
-  return {};
-}
-
 // One host's file, held to the parser that its daemon uses before anything is written.
 Status check_installation(const fs::path& config, const std::string& host,
                           const std::string& text) {
@@ -200,9 +224,11 @@ Status check_installation(const fs::path& config, const std::string& host,
                     read.error().text);
 }
 
-Status write_new(const fs::path& path, const NewFile& file) {
+// Keys are never written over what is there.
+Status write_new(const fs::path& path, const NewFile& file, bool update) {
   std::error_code fault;
   fs::create_directories(path.parent_path(), fault);
+  if (update && !file.secret) return write_file_atomically(path, file.content);
   const UniqueFd fd(
       ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC,
              file.secret ? S_IRUSR | S_IWUSR : S_IRUSR | S_IWUSR | S_IRGRP | S_IROTH));
@@ -221,10 +247,19 @@ Status make_folder(const fs::path& folder) {
   if (errno == EEXIST) {
     return make_error(ErrorCode::kInvalidInput, folder.string(),
                       "it is there already; what hosts trust is never overwritten, give another "
-                      "folder");
+                      "folder, or --update if it is this cell's");
   }
   return make_error(ErrorCode::kIo, folder.string(), "cannot make this folder: {}",
                     std::strerror(errno));
+}
+
+// Else a new authority would be made, which none of the hosts trusts.
+Status check_folder(const fs::path& folder) {
+  std::error_code ignored;
+  if (fs::exists(folder / "authority" / "ca.key", ignored)) return {};
+  return make_error(ErrorCode::kInvalidInput, folder.string(),
+                    "is no folder of `sightline cell init`, or authority/ca.key is kept elsewhere: "
+                    "bring it back for the moment, or make the cell anew without --update");
 }
 
 // What the installation names goes with it. What not everybody may read stays so.
@@ -262,7 +297,8 @@ Result<Source> read_source(const fs::path& config) {
 
 Result<std::vector<NewFile>> draft_files(const InitOptions& options, const CellSetup& setup,
                                          const Source& source,
-                                         const std::map<std::string, std::string>& owners) {
+                                         const std::map<std::string, std::string>& owners,
+                                         const std::vector<std::string>& left) {
   std::vector<NewFile> files;
   for (const CellSetup::Host& host : setup.hosts) {
     const fs::path folder = fs::path("hosts") / host.name;
@@ -277,8 +313,12 @@ Result<std::vector<NewFile>> draft_files(const InitOptions& options, const CellS
   }
   files.push_back({"broker/access", access_list(setup)});
   files.push_back({"broker/mosquitto.conf", broker_configuration(setup)});
+  for (const CellSetup::Neighbor& neighbor : setup.neighbors) {
+    files.push_back({fmt::format("broker/neighbor_{}.conf", neighbor_file(neighbor.name)),
+                     bridge_configuration(setup, neighbor)});
+  }
   files.push_back({"README", setup_notes(setup, !options.config.empty())});
-  SL_RETURN_IF_ERROR(add_certificates(options, setup, files));
+  SL_RETURN_IF_ERROR(add_certificates(options.out, options.days, setup, left, files));
   return files;
 }
 
@@ -286,20 +326,28 @@ Status init(const InitOptions& options) {
   CellSetup setup = options.setup;
   SL_ASSIGN(const Source source, read_source(options.config));
   std::map<std::string, std::string> owners;
+  if (setup.name.empty()) setup.name = source.draft.name;
   SL_RETURN_IF_ERROR(read_hosts(options, setup, owners));
+  SL_RETURN_IF_ERROR(read_neighbors(options, source.draft, setup));
   if (!options.config.empty()) {
     SL_RETURN_IF_ERROR(take_cameras(options, source.draft, setup, owners));
   }
   SL_RETURN_IF_ERROR(complete(options, source.draft, setup));
-  SL_ASSIGN(const auto files, draft_files(options, setup, source, owners));
-  SL_RETURN_IF_ERROR(make_folder(options.out));
+  std::vector<std::string> left;
+  if (options.update) {
+    SL_RETURN_IF_ERROR(check_folder(options.out));
+    SL_ASSIGN(left, hosts_that_left(options.out, setup));
+  }
+  SL_ASSIGN(const auto files, draft_files(options, setup, source, owners, left));
+  if (!options.update) SL_RETURN_IF_ERROR(make_folder(options.out));
+  for (const std::string& host : left) SL_RETURN_IF_ERROR(set_aside(options.out, host));
   std::vector<std::string> left_out;
   for (const CellSetup::Host& host : setup.hosts) {
     SL_RETURN_IF_ERROR(copy_named_files(options.config, source.draft,
                                         options.out / "hosts" / host.name, left_out));
   }
   for (const NewFile& file : files) {
-    SL_RETURN_IF_ERROR(write_new(options.out / file.path, file));
+    SL_RETURN_IF_ERROR(write_new(options.out / file.path, file, options.update));
     fmt::print("{}\n", (options.out / file.path).string());
   }
   std::ranges::sort(left_out);
@@ -308,6 +356,12 @@ Status init(const InitOptions& options) {
   for (const fs::path& file : source.draft.elsewhere) {
     fmt::print(stderr, "{} is not below the installation file: each host needs it there\n",
                file.string());
+  }
+  for (const std::string& host : left) {
+    fmt::print(stderr,
+               "host {} is in the cell no more: broker/revoked.pem takes its certificate back once "
+               "the broker has it and was restarted\n",
+               host);
   }
   fmt::print(stderr, "{} hosts; {} says what goes where\n", setup.hosts.size(),
              (options.out / "README").string());
@@ -332,9 +386,17 @@ void add_cell_init(CLI::App& app, Command& chosen) {
   command->add_option("--fusion", setup.fusion, "the host that keeps the estimates");
   command->add_option("--broker", setup.broker, "name or address of the fusion host");
   command->add_option("--port", setup.port, "of the broker (default: 8883)");
+  command
+      ->add_option(
+          "--neighbor", options->neighbors,
+          "CELL=BROKER[:PORT], again for each: a cell next to this one (default port: 8883)")
+      ->take_all();
   command->add_option("--name", setup.name, "of the cell: its topics begin with it");
   command->add_option("--broker-folder", setup.broker_folder,
                       "where the broker's files will lie (default: /etc/mosquitto/sightline)");
+  command->add_flag(
+      "--update", options->update,
+      "OUT is there: keep its keys, add hosts that are new, take those back that left");
   command->add_option("--days", options->days, "for which the certificates hold (default: 3650)")
       ->check(CLI::Range(1, 36500));
   command->callback([options, &chosen] {

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "sightline/base/log.hpp"
-#include "sightline/publish/cell/frozen_observation.hpp"
+#include "sightline/publish/cell/hand_over.hpp"
 
 namespace sightline {
 
@@ -12,142 +12,152 @@ using namespace std::chrono_literals;
 
 namespace {
 
-constexpr Duration kTrackAge = 1s;  // an older estimate is of no use to anybody
-
-Counter& unsent(Registry& registry, const char* reason) {
-  return registry.counter("sightline_cell_unsent_total", "Observations that were not sent",
-                          {{"reason", reason}});
-}
+constexpr Duration kTermLasts = 1s;  // of a cell that publishes an object no more
+// A fusion host that says nothing for longer is away: it has said every second that it is there.
+constexpr Duration kAwayAfter = 2500ms;
+constexpr Duration kNeighborAway = 2 * PoseTrack::kFreshFor;
+// So long may a fusion host that is back take to find what this host sees.
+constexpr Duration kTrust = 5s;
 
 }  // namespace
 
-CellCameras::CellCameras(const CellParts& parts, const CellIdentity& self, Registry& registry)
-    : parts_(parts),
-      self_(self),
-      topics_(parts.options.name),
-      doubted_(parts.names.objects.size()),
-      sequences_(parts.names.objects.size()),
-      counters_(cell_counters(registry, "track")),
-      sent_(registry.counter("sightline_cell_observations_sent_total",
-                             "Observations that were sent")),
-      late_(unsent(registry, "late")),
-      no_clock_(unsent(registry, "clock")),
-      no_broker_(unsent(registry, "broker")),
-      overflow_(unsent(registry, "overflow")),
-      no_pose_(unsent(registry, "no_pose")) {
+CellCameras::CellCameras(const CellParts& parts, Registry& registry)
+    : parts_(parts), counters_(cell_counters(registry, "track")) {
+  cells_.emplace_back(parts, parts.options.name);
+  for (const std::string& neighbor : parts.options.neighbors) cells_.emplace_back(parts, neighbor);
   for (size_t i = 0; i < parts.names.objects.size(); ++i) {
-    followers_.emplace_back(ObjectId(static_cast<uint32_t>(i)), parts.noise);
+    objects_.push_back({TrackFollower(ObjectId(static_cast<uint32_t>(i)), parts.noise)});
   }
+  if (parts.options.local) local_ = std::make_unique<CellLocal>(parts, registry);
 }
 
-void CellCameras::push(const Observation& observation) {
-  const size_t object = observation.object.index();
-  const size_t camera = observation.camera.index();
-  if (object >= parts_.names.objects.size() || camera >= parts_.cameras.size()) return;
-  std::vector<PoseTrackPtr> tracks;
-  parts_.board->read(tracks);
-  auto frozen = freeze(observation, tracks.at(object).get());
-  if (!frozen) return no_pose_.add();
-  Item item{*std::move(frozen), observation.capture};
-  item.observation.object = parts_.names.objects[object];
-  item.observation.camera = parts_.cameras[camera].name;
-  item.observation.calibration = parts_.cameras[camera].calibration;
-  item.observation.host = self_.host;
-  item.observation.boot = self_.boot;
-  item.observation.doubted = doubted_[object];
-  if (queue_.push(std::move(item))) overflow_.add();
+CellTracks* CellCameras::find(std::string_view cell) {
+  const auto found = std::ranges::find_if(
+      cells_, [cell](const CellTracks& tracks) { return tracks.topics().cell == cell; });
+  return found == cells_.end() ? nullptr : &*found;
 }
 
-void CellCameras::send(MqttClient* client, const ClockWatch& clock, Time now) {
-  const ClockState state = clock.state(now);
-  while (auto item = queue_.pop({}, 0ns)) {
-    CellObservation& observation = item->observation;
-    if (client == nullptr) {
-      no_broker_.add();
-    } else if (!state.fit) {
-      no_clock_.add();
-    } else if (now - item->capture > parts_.options.age_limit) {
-      late_.add();
-    } else {
-      observation.sequence = ++sequence_;
-      observation.capture_utc_ns = clock.utc_ns_of(item->capture);
-      observation.capture_error += state.bound;
-      const std::string topic = topics_.observation(observation.camera, observation.object);
-      (client->publish(topic, encode(observation), false) ? sent_ : no_broker_).add();
-    }
+std::string CellCameras::fusion(std::string_view cell) const {
+  for (const CellTracks& tracks : cells_) {
+    if (tracks.topics().cell == cell) return tracks.leader().host();
   }
+  return {};
 }
 
-void CellCameras::on_claim(const CellHostState& claim, Time now) {
-  if (!claim.online) {
-    if (!leader_ || leader_->boot != claim.boot) return;
-    log::warning({.cause = "cell"}, "cell: host {} keeps the estimates no more", leader_->host);
-    leader_.reset();
-    return;
+std::vector<std::string> CellCameras::holders() const {
+  std::vector<std::string> cells;
+  for (size_t i = 0; i < objects_.size(); ++i) {
+    const bool own = local_ && local_->runs(ObjectId(static_cast<uint32_t>(i)));
+    cells.push_back(own ? "" : objects_[i].cell);
   }
-  const bool same = leader_ && leader_->boot == claim.boot;
-  if (!same || leader_->beat != claim.beat) leader_heard_ = now;
-  if (same) {
-    leader_->beat = claim.beat;
-    return;
-  }
-  log::info({.cause = "cell"}, "cell: host {} keeps the estimates", claim.host);
-  leader_ = claim;
-  std::ranges::fill(sequences_, 0);
+  return cells;
 }
 
-CellVerdict CellCameras::judge(std::string_view topic, const CellTrack& track,
-                               const ClockWatch& clock, Time now, size_t& object) const {
-  if (topic != topics_.track(track.object)) return CellVerdict::kForeign;
-  const auto& objects = parts_.names.objects;
-  object = static_cast<size_t>(std::ranges::find(objects, track.object) - objects.begin());
-  if (object == objects.size()) return CellVerdict::kForeign;
-  if (!leader_ || track.boot != leader_->boot) return CellVerdict::kForeign;
-  if (!clock.state(now).fit) return CellVerdict::kClock;
-  const Duration age(clock.utc_ns_of(now) - track.time_utc_ns);
-  if (age > kTrackAge) return CellVerdict::kLate;
-  if (-age > parts_.options.clock_limit + parts_.options.age_limit) return CellVerdict::kFuture;
-  return track.sequence > sequences_[object] ? CellVerdict::kTaken : CellVerdict::kDuplicate;
+void CellCameras::on_claim(std::string_view cell, const CellHostState& claim, Time now) {
+  CellTracks* const tracks = find(cell);
+  if (tracks == nullptr) return;
+  (void)tracks->on_claim(claim, now);
+  if (tracks == &cells_.front() && claim.online) leader_heard_ = now;
 }
 
-void CellCameras::on_track(std::string_view topic, std::string_view payload,
+void CellCameras::on_track(std::string_view cell, std::string_view topic, std::string_view payload,
                            const ClockWatch& clock, Time now) {
-  const auto track = decode_track(payload);
-  CellVerdict verdict = CellVerdict::kMalformed;
-  size_t object = 0;
-  if (track) verdict = judge(topic, *track, clock, now, object);
+  CellTracks* const tracks = find(cell);
+  if (tracks == nullptr) return;
+  CellTracks::Taken taken;
+  CellVerdict verdict = tracks->read(topic, payload, clock, now, taken);
+  if (verdict == CellVerdict::kTaken) {
+    const Object& object = objects_[taken.estimate.object.index()];
+    const bool over = taken.term < object.term && now - object.heard < kTermLasts;
+    if (over) verdict = CellVerdict::kSuperseded;
+  }
   counters_[static_cast<size_t>(verdict)]->add();
   if (verdict != CellVerdict::kTaken) return;
-  sequences_[object] = track->sequence;
-  PoseEstimate estimate = track->estimate;
-  estimate.object = ObjectId(static_cast<uint32_t>(object));
-  estimate.time = clock.time_of(track->time_utc_ns);
-  estimate.last_measured = clock.time_of(track->last_measured_utc_ns);
-  for (size_t i = 0; i < parts_.names.cameras.size(); ++i) {
-    if (std::ranges::find(track->cameras, parts_.names.cameras[i]) == track->cameras.end())
-      continue;
-    estimate.cameras |= camera_bit(CameraId(static_cast<uint32_t>(i)));
+  Object& object = objects_[taken.estimate.object.index()];
+  object.term = taken.term;
+  object.cell = tracks->topics().cell;
+  object.heard = now;
+  if (tracks == &cells_.front()) leader_heard_ = now;
+  const ObjectId id = taken.estimate.object;
+  if (local_ && local_->runs(id)) {
+    if (!gives_way(taken.estimate)) return;
+    give_way(id, taken.estimate.time);
   }
-  if (followers_[object].take(estimate)) publish(estimate, FusionWorker::Cause::kFrame);
+  if (object.follower.take(taken.estimate)) publish(taken.estimate, FusionWorker::Cause::kFrame);
 }
 
-void CellCameras::advance(Time now) {
-  if (leader_ && now - leader_heard_ > FusionClaim::kLapse) {
-    log::warning({.cause = "cell"},
-                 "cell: nothing is heard any more of host {}, which keeps the "
-                 "estimates",
-                 leader_->host);
-    leader_.reset();
-  }
-  for (TrackFollower& follower : followers_) {
-    if (const auto estimate = follower.advance(now)) {
+void CellCameras::advance(bool connected, Time now) {
+  if (begun_ == Time{}) begun_ = now;
+  for (CellTracks& tracks : cells_) (void)tracks.leader().advance(now);
+  for (size_t i = 0; i < objects_.size(); ++i) {
+    if (local_) advance_local(ObjectId(static_cast<uint32_t>(i)), connected, now);
+    if (local_ && local_->runs(ObjectId(static_cast<uint32_t>(i)))) continue;
+    if (const auto estimate = objects_[i].follower.advance(now)) {
       publish(*estimate, FusionWorker::Cause::kSilence);
     }
   }
+  if (!local_) return;
+  for (const auto& [estimate, cause] : local_->take()) parts_.on_estimate(estimate, cause);
+}
+
+bool CellCameras::is_away(const Object& object, bool connected, Time now) const {
+  if (leader_heard_ == Time{} && now - begun_ < kAwayAfter) return false;  // it has just begun
+  const bool neighbors = !object.cell.empty() && object.cell != cells_.front().topics().cell;
+  if (connected && neighbors && now - object.heard <= kNeighborAway) return false;
+  return !connected || cells_.front().leader().host().empty() || now - leader_heard_ > kAwayAfter;
+}
+
+// The cell's estimate is begun anew, and better than this host's only when it is sure of itself.
+bool CellCameras::gives_way(const PoseEstimate& estimate) const {
+  if (estimate.state == TrackState::kTracking) return true;
+  const PoseTrackPtr own = local_->track(estimate.object);
+  return estimate.state == TrackState::kDegraded &&
+         (own->empty() || own->newest().state != TrackState::kTracking);
+}
+
+void CellCameras::give_way(ObjectId id, Time end) {
+  Object& object = objects_[id.index()];
+  object.follower.restart(local_->track(id).get(), end);
+  object.shown.reset();
+  object.back.reset();
+  local_->end(id);
+  log::info({.object = parts_.names.objects[id.index()], .cause = "cell"},
+            "cell: {}: the cell's estimate is followed again", parts_.names.objects[id.index()]);
+}
+
+void CellCameras::advance_local(ObjectId id, bool connected, Time now) {
+  Object& object = objects_[id.index()];
+  const bool away = is_away(object, connected, now);
+  if (!local_->runs(id)) {
+    if (!away) return;
+    local_->begin(id, object.follower.track());
+    log::warning({.object = parts_.names.objects[id.index()], .cause = "cell"},
+                 "cell: {}: nobody keeps the cell's estimates: this host goes on by itself (local)",
+                 parts_.names.objects[id.index()]);
+  }
+  if (away) {
+    object.back.reset();
+  } else if (!object.back) {
+    object.back = now;
+  } else if (now - *object.back > kTrust) {
+    give_way(id, now);
+    return parts_.board->publish(id, object.follower.track());
+  }
+  const PoseTrackPtr own = local_->track(id);
+  if (own == object.shown) return;
+  const bool has = !own->empty() && has_pose(own->newest().state);
+  if (!has && object.shown == nullptr) {  // what was shown before is all there is
+    if (const auto estimate = object.follower.advance(now)) {
+      publish(*estimate, FusionWorker::Cause::kSilence);
+    }
+    return;
+  }
+  object.shown = own;
+  parts_.board->publish(id, own);
 }
 
 void CellCameras::publish(const PoseEstimate& estimate, FusionWorker::Cause cause) {
-  parts_.board->publish(estimate.object, followers_[estimate.object.index()].track());
+  parts_.board->publish(estimate.object, objects_[estimate.object.index()].follower.track());
   parts_.on_estimate(estimate, cause);
 }
 

@@ -15,8 +15,8 @@ using namespace std::chrono_literals;
 namespace {
 
 constexpr Duration kLastEvery = 1s;
-constexpr Duration kDoubtLasts = 1s;  // of a host that says nothing more
-constexpr size_t kMostSilences = 256;
+constexpr Duration kDoubtLasts = 1s;     // of a host that says nothing more
+constexpr size_t kMostEstimates = 1024;  // that wait
 
 std::vector<ObservationGate::Camera> gate_cameras(const CellParts& parts) {
   std::vector<ObservationGate::Camera> cameras;
@@ -51,16 +51,22 @@ CellFusion::CellFusion(const CellParts& parts, const CellIdentity& self, Registr
       refused_(registry.counter("sightline_cell_refused_total",
                                 "Observations left out since another host keeps the estimates")),
       doubts_(parts.names.objects.size()),
-      sent_(parts.names.objects.size()) {
+      sent_(parts.names.objects.size()),
+      sent_until_(parts.names.objects.size()) {
+  if (!parts.options.neighbors.empty()) {
+    neighbors_ = std::make_unique<CellNeighbors>(parts, self, registry);
+  }
   for (const std::string& camera : parts.names.cameras) {
     latencies_.push_back(&stage_latency(registry, camera, "fused"));
   }
 }
 
 void CellFusion::push(const PoseEstimate& estimate, FusionWorker::Cause cause) {
-  if (cause == FusionWorker::Cause::kFrame) return;
+  // With neighbors the estimates of frames, too, are passed on to others here once it is known
+  // whose they are.
+  if (cause == FusionWorker::Cause::kFrame && !neighbors_) return;
   const std::lock_guard lock(mutex_);
-  if (silences_.size() < kMostSilences) silences_.push_back(estimate);
+  if (estimates_.size() < kMostEstimates) estimates_.push_back({estimate, cause});
 }
 
 std::vector<uint64_t> CellFusion::verdicts() const {
@@ -81,21 +87,24 @@ void CellFusion::count(CellVerdict verdict, const std::string& camera) {
                    : "its host has another calibration of it");
 }
 
-void CellFusion::on_observation(std::string_view topic, std::string_view payload,
-                                const ClockWatch& clock, Time now) {
+void CellFusion::on_observation(std::string_view cell, std::string_view topic,
+                                std::string_view payload, const ClockWatch& clock, Time now) {
   auto observation = decode_observation(payload);
   if (!observation) return count(CellVerdict::kMalformed, "");
+  if (observation->boot == self_.boot && cell.empty()) return;  // for the neighbors
   // Brokers let hosts write topics: what is inside has to be of the same camera and object.
-  if (topic != topics_.observation(observation->camera, observation->object)) {
+  const CellTopics& topics = cell.empty() ? topics_ : CellTopics(std::string(cell));
+  if (topic != topics.observation(observation->camera, observation->object)) {
     return count(CellVerdict::kForeign, observation->camera);
   }
   const ClockState state = clock.state(now);
   const auto pass = gate_.check(*observation, clock.utc_ns_of(now), state.fit,
-                                state.bound + parts_.options.clock_limit);
+                                state.bound + parts_.options.clock_limit, cell);
   count(pass.verdict, observation->camera);
   if (pass.verdict != CellVerdict::kTaken) return;
   if (!claim_.holds()) return refused_.add();
   note_doubt(*observation, pass.object, now);
+  if (neighbors_ && !observation->at.empty()) neighbors_->note_seen(pass.object, now);
   const Time capture = clock.time_of(observation->capture_utc_ns);
   Observation taken = thaw(*std::move(observation), pass.object, pass.camera, capture);
   taken.capture_error += state.bound;
@@ -127,22 +136,56 @@ void CellFusion::end_old_doubts(Time now) {
 
 void CellFusion::step(MqttClient* client, const ClockWatch& clock, Time now) {
   end_old_doubts(now);
-  std::vector<PoseEstimate> silences;
-  {
-    const std::lock_guard lock(mutex_);
-    silences.swap(silences_);
-  }
+  parts_.own_board->read(tracks_);
+  if (neighbors_) neighbors_->step(tracks_, claim_.holds(), client, clock, now);
+  pass_on(client, clock);
   if (client == nullptr || !claim_.holds()) return;
-  parts_.board->read(tracks_);
   for (size_t i = 0; i < tracks_.size(); ++i) {
-    if (tracks_[i] == nullptr || tracks_[i] == sent_[i] || tracks_[i]->empty()) continue;
-    sent_[i] = tracks_[i];
-    publish(tracks_[i]->newest(), *client, clock);
+    if (tracks_[i] == nullptr || tracks_[i]->empty()) continue;
+    if (neighbors_) {
+      publish_new(i, *client, clock);
+    } else if (tracks_[i] != sent_[i]) {
+      sent_[i] = tracks_[i];
+      publish(tracks_[i]->newest(), *client, clock);
+    }
   }
-  for (const PoseEstimate& estimate : silences) publish(estimate, *client, clock);
   if (now >= next_last_) {
     next_last_ = now + kLastEvery;
+    parts_.board->read(tracks_);
     publish_last(*client, now);
+  }
+}
+
+// Whatever of the track is this cell's to publish and was not: also what a neighbor would have
+// published, had it not died.
+void CellFusion::publish_new(size_t object, MqttClient& client, const ClockWatch& clock) {
+  const PoseTrack& track = *tracks_[object];
+  Time& until = sent_until_[object];
+  until = std::max(until, neighbors_->published(track.object()));
+  for (const PoseEstimate& estimate : track.history()) {
+    const bool again = estimate.time == until && tracks_[object] != sent_[object] &&
+                       &estimate == &track.newest();  // a measurement has joined it
+    if (estimate.time < until || (estimate.time == until && !again)) continue;
+    if (!neighbors_->publishes(track.object(), estimate.time)) continue;
+    publish(estimate, client, clock);
+    until = estimate.time;
+  }
+  sent_[object] = tracks_[object];
+}
+
+void CellFusion::pass_on(MqttClient* client, const ClockWatch& clock) {
+  std::vector<Estimate> estimates;
+  {
+    const std::lock_guard lock(mutex_);
+    estimates.swap(estimates_);
+  }
+  const bool speaks = client != nullptr && claim_.holds();
+  for (const auto& [estimate, cause] : estimates) {
+    if (neighbors_) {
+      if (neighbors_->shows_own(estimate.object)) parts_.on_estimate(estimate, cause);
+      if (cause == FusionWorker::Cause::kFrame || !neighbors_->holds(estimate.object)) continue;
+    }
+    if (speaks) publish(estimate, *client, clock);
   }
 }
 
@@ -153,6 +196,7 @@ void CellFusion::publish(const PoseEstimate& estimate, MqttClient& client,
   track.host = self_.host;
   track.boot = self_.boot;
   track.sequence = ++sequence_;
+  if (neighbors_) track.term = neighbors_->term(estimate.object);
   track.time_utc_ns = clock.utc_ns_of(estimate.time);
   track.last_measured_utc_ns = clock.utc_ns_of(estimate.last_measured);
   track.estimate = estimate;

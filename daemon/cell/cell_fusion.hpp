@@ -2,10 +2,12 @@
 #pragma once
 
 #include <map>
+#include <memory>
 #include <mutex>
 #include <string_view>
 #include <vector>
 
+#include "cell/cell_neighbors.hpp"
 #include "cell/cell_parts.hpp"
 #include "cell/fusion_claim.hpp"
 #include "sightline/publish/cell/observation_gate.hpp"
@@ -23,10 +25,14 @@ class CellFusion {
   FusionClaim& claim() { return claim_; }
   const FusionClaim& claim() const { return claim_; }
 
+  /// Null: there are none.
+  CellNeighbors* neighbors() { return neighbors_.get(); }
+
   /// An estimate of the fusion thread; never waits. Those of frames are read from the board.
   void push(const PoseEstimate& estimate, FusionWorker::Cause cause);
-  void on_observation(std::string_view topic, std::string_view payload, const ClockWatch& clock,
-                      Time now);
+  /// `cell`: whose topic it is, as CellOptions::neighbors; empty: this cell's.
+  void on_observation(std::string_view cell, std::string_view topic, std::string_view payload,
+                      const ClockWatch& clock, Time now);
   /// Publishes what is new; without a client it is let go.
   void step(MqttClient* client, const ClockWatch& clock, Time now);
   /// Nobody is heard any more.
@@ -36,6 +42,8 @@ class CellFusion {
   void count(CellVerdict verdict, const std::string& camera);
   void note_doubt(const CellObservation& observation, ObjectId object, Time now);
   void end_old_doubts(Time now);
+  void publish_new(size_t object, MqttClient& client, const ClockWatch& clock);
+  void pass_on(MqttClient* client, const ClockWatch& clock);
   void publish(const PoseEstimate& estimate, MqttClient& client, const ClockWatch& clock);
   void publish_last(MqttClient& client, Time now);
 
@@ -52,9 +60,15 @@ class CellFusion {
 
   /// Which hosts doubt an object's pose, and when they last said so.
   std::vector<std::map<std::string, Time>> doubts_;  // by ObjectId
-  std::mutex mutex_;                                 // guards silences_
-  std::vector<PoseEstimate> silences_;
+  struct Estimate {
+    PoseEstimate estimate;
+    FusionWorker::Cause cause;
+  };
+  std::mutex mutex_;  // guards estimates_
+  std::vector<Estimate> estimates_;
   std::vector<PoseTrackPtr> tracks_, sent_;  // by ObjectId
+  std::vector<Time> sent_until_;             // by ObjectId, of estimates that anybody published
+  std::unique_ptr<CellNeighbors> neighbors_;
   Time next_last_{};
 };
 

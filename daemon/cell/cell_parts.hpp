@@ -23,7 +23,9 @@ struct CellParts {
   std::vector<CellHostState::Camera> cameras;  ///< this host's, by CameraId
   FeedNames names;                             ///< cameras: this host's, then the other hosts'
   MotionNoise noise;
-  std::shared_ptr<TrackBoard> board;
+  std::shared_ptr<TrackBoard> board;  ///< what is shown here
+  /// What this host estimates; the same board unless there are neighbors, or a local estimate.
+  std::shared_ptr<TrackBoard> own_board;
   std::shared_ptr<FusionWorker> fusion;
   /// Hears of estimates that come from another host, on the cell's thread; must not block.
   FusionWorker::OnEstimate on_estimate;

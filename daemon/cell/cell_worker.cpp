@@ -86,7 +86,11 @@ CellWorker::CellWorker(CellParts parts, std::shared_ptr<HttpWaker> waker, Regist
   if (fuses(parts_.options.role)) {
     fusion_ = std::make_unique<CellFusion>(parts_, self_, registry);
   } else {
-    cameras_ = std::make_unique<CellCameras>(parts_, self_, registry);
+    cameras_ = std::make_unique<CellCameras>(parts_, registry);
+  }
+  const bool travel = cameras_ || !parts_.options.neighbors.empty();
+  if (travel && !parts_.cameras.empty()) {
+    sender_ = std::make_unique<CellSender>(parts_, self_, registry);
   }
   read_clocks(MonotonicClock::now());
 }
@@ -98,18 +102,19 @@ bool CellWorker::stop_unless_waiting(Duration patience) {
 }
 
 void CellWorker::push(const Observation& observation) {
-  if (!cameras_) return;
-  cameras_->push(observation);
+  if (!sender_) return;
+  if (cameras_ && cameras_->local() != nullptr) cameras_->local()->push(observation);
+  sender_->push(observation);
   waker_->wake();
 }
 
 void CellWorker::set_doubted(ObjectId object, bool doubted) {
-  if (cameras_) cameras_->set_doubted(object, doubted);
+  if (sender_) sender_->set_doubted(object, doubted);
 }
 
 void CellWorker::push(const PoseEstimate& estimate, FusionWorker::Cause cause) {
-  if (!fusion_) return;
-  fusion_->push(estimate, cause);
+  if (fusion_) fusion_->push(estimate, cause);
+  if (cameras_ && cameras_->local() != nullptr) cameras_->local()->push(estimate, cause);
   waker_->wake();
 }
 
@@ -153,6 +158,16 @@ MqttSession CellWorker::session() {
   session.subscriptions = {{topics_.hosts(), 1}, {topics_.fusion(), 1}, {order_topics(topics_), 1}};
   session.subscriptions.push_back(fusion_ ? MqttSession::Subscription{topics_.observations(), 0}
                                           : MqttSession::Subscription{topics_.tracks(), 0});
+  for (const std::string& neighbor : parts_.options.neighbors) {
+    const CellTopics topics(neighbor);
+    session.subscriptions.push_back({topics.fusion(), 1});
+    session.subscriptions.push_back({topics.tracks(), 0});
+    if (fusion_) session.subscriptions.push_back({topics.bids(), 0});
+  }
+  for (const RemoteCamera& camera : parts_.options.cameras) {
+    if (!fusion_ || camera.cell.empty()) continue;
+    session.subscriptions.push_back({CellTopics(camera.cell).observations_of(camera.name), 0});
+  }
   session.on_connect = [this] { greet_ = true; };
   session.on_message = [this](std::string_view topic, std::string_view payload, bool) {
     on_message(topic, payload);
@@ -212,15 +227,43 @@ void CellWorker::read_clocks(Time now) {
 }
 
 void CellWorker::on_message(std::string_view topic, std::string_view payload) {
+  const Time now = MonotonicClock::now();
+  for (const std::string& cell : parts_.options.neighbors) {
+    if (topic.starts_with(cell + "/")) return on_neighbor(cell, topic, payload, now);
+  }
+  on_own(topic, payload, now);
+}
+
+void CellWorker::on_own(std::string_view topic, std::string_view payload, Time now) {
   if (topic == topics_.fusion()) return on_claim(payload);
   if (topic.starts_with(topics_.cell + "/host/")) return on_host(topic, payload);
-  const Time now = MonotonicClock::now();
   if (topic.starts_with(topics_.cell + "/order/")) {
     return orders_.on_message(topic, payload, clock_, now);
   }
   ++received_;
-  if (fusion_) return fusion_->on_observation(topic, payload, clock_, now);
-  cameras_->on_track(topic, payload, clock_, now);
+  if (fusion_) return fusion_->on_observation({}, topic, payload, clock_, now);
+  cameras_->on_track(topics_.cell, topic, payload, clock_, now);
+}
+
+void CellWorker::on_neighbor(const std::string& cell, std::string_view topic,
+                             std::string_view payload, Time now) {
+  const CellTopics topics(cell);
+  if (topic == topics.fusion()) {
+    const auto claim = decode_host_state(payload);
+    counters_[static_cast<size_t>(claim ? CellVerdict::kTaken : CellVerdict::kMalformed)]->add();
+    if (claim && fusion_) fusion_->neighbors()->on_claim(cell, *claim, now);
+    if (claim && cameras_) cameras_->on_claim(cell, *claim, now);
+    return;
+  }
+  ++received_;
+  if (cameras_) return cameras_->on_track(cell, topic, payload, clock_, now);
+  if (topic.starts_with(cell + "/track/")) {
+    fusion_->neighbors()->on_track(cell, topic, payload, clock_, now);
+  } else if (topic.starts_with(cell + "/bid/")) {
+    fusion_->neighbors()->on_bid(cell, topic, payload, clock_, now);
+  } else {
+    fusion_->on_observation(cell, topic, payload, clock_, now);
+  }
 }
 
 void CellWorker::on_host(std::string_view topic, std::string_view payload) {
@@ -246,7 +289,7 @@ void CellWorker::on_claim(std::string_view payload) {
   claim_ = *claim;
   const Time now = MonotonicClock::now();
   if (fusion_) fusion_->claim().hear(*claim, now);
-  if (cameras_) cameras_->on_claim(*claim, now);
+  if (cameras_) cameras_->on_claim(topics_.cell, *claim, now);
   const auto host = hosts_.find(claim->host);
   if (host != hosts_.end() && host->second.boot == claim->boot) {
     host->second.online = claim->online;
@@ -295,37 +338,42 @@ void CellWorker::step(MqttClient* client, Time now) {
     say_state(*client, now);
   }
   orders_.send(client, clock_, now);
-  if (fusion_) {
-    const bool held = fusion_->claim().holds();
-    if (client != nullptr && fusion_->claim().step(now)) {
-      CellHostState claim = own_state(true);
-      claim.beat = ++beat_;
-      claim.observations = fusion_->verdicts();
-      (void)client->publish(topics_.fusion(), encode(claim), true, 1);
-    }
-    fusion_->step(client, clock_, now);
-    const std::string other = fusion_->claim().other();
-    if (!other.empty() && other != told_other_) {
-      log::error({.cause = "cell"},
-                 "cell: host {} keeps the estimates already, so this one ({}) does not; give one "
-                 "of them the role \"cameras\", or stop it",
-                 other, self_.host);
-    }
-    told_other_ = other;
-    leads_.set(fusion_->claim().holds() ? 1 : 0);
-    if (held != fusion_->claim().holds()) next_status_ = now;  // told before any estimate
-  } else {
-    cameras_->send(client, clock_, now);
-    cameras_->advance(now);
+  if (sender_) {
+    sender_->send(client, clock_, now, [this, now](ObjectId object) {
+      if (fusion_) fusion_->neighbors()->note_seen(object, now);
+    });
   }
+  if (fusion_) step_fusion(client, now);
+  if (cameras_) cameras_->advance(client != nullptr, now);
   if (now >= next_status_) note_status(client != nullptr, now);
+}
+
+void CellWorker::step_fusion(MqttClient* client, Time now) {
+  const bool held = fusion_->claim().holds();
+  if (client != nullptr && fusion_->claim().step(now)) {
+    CellHostState claim = own_state(true);
+    claim.beat = ++beat_;
+    claim.observations = fusion_->verdicts();
+    (void)client->publish(topics_.fusion(), encode(claim), true, 1);
+  }
+  fusion_->step(client, clock_, now);
+  const std::string other = fusion_->claim().other();
+  if (!other.empty() && other != told_other_) {
+    log::error({.cause = "cell"},
+               "cell: host {} keeps the estimates already, so this one ({}) does not; give one "
+               "of them the role \"cameras\", or stop it",
+               other, self_.host);
+  }
+  told_other_ = other;
+  leads_.set(fusion_->claim().holds() ? 1 : 0);
+  if (held != fusion_->claim().holds()) next_status_ = now;  // told before any estimate
 }
 
 void CellWorker::note_status(bool connected, Time now) {
   next_status_ = now + kStatusEvery;
   const std::lock_guard lock(mutex_);
   status_.refused = fusion_ && !fusion_->claim().other().empty();
-  status_.fusion = !fusion_                   ? cameras_->fusion()
+  status_.fusion = !fusion_                   ? cameras_->fusion(topics_.cell)
                    : fusion_->claim().holds() ? self_.host
                                               : fusion_->claim().other();
   status_.clock = clock_.state(now);
@@ -334,6 +382,15 @@ void CellWorker::note_status(bool connected, Time now) {
   for (const auto& [name, state] : hosts_) {
     if (name != self_.host) status_.hosts.push_back(state);
   }
+  status_.neighbors.clear();
+  for (const std::string& cell : parts_.options.neighbors) {
+    const CellNeighbors* const seen = fusion_ ? fusion_->neighbors() : nullptr;
+    status_.neighbors.push_back({cell, seen ? seen->fusion(cell) : cameras_->fusion(cell)});
+  }
+  status_.local =
+      cameras_ && cameras_->local() != nullptr ? cameras_->local()->running() : std::vector<bool>();
+  if (status_.neighbors.empty()) return;
+  status_.holders = fusion_ ? fusion_->neighbors()->holders() : cameras_->holders();
 }
 
 void CellWorker::say_state(MqttClient& client, Time now) {

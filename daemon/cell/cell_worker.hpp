@@ -11,6 +11,7 @@
 #include "cell/cell_fusion.hpp"
 #include "cell/cell_orders.hpp"
 #include "cell/cell_parts.hpp"
+#include "cell/cell_sender.hpp"
 #include "cell/clock_service.hpp"
 #include "heartbeat.hpp"
 
@@ -24,6 +25,13 @@ struct CellStatus {
   bool refused = false;  ///< this host is to keep them too, and does not
   ClockState clock;
   std::vector<CellHostState> hosts;  ///< all that have said something, this one among them
+  struct Neighbor {
+    std::string cell;
+    std::string fusion;  ///< the host that keeps its estimates; empty: none is known
+  };
+  std::vector<Neighbor> neighbors;
+  std::vector<std::string> holders;  ///< by ObjectId: the cell that has it; empty: none
+  std::vector<bool> local;  ///< by ObjectId: this host estimates it by itself; empty: it never does
 };
 
 /// The thread ("cell") that works with the cell's other hosts, through their broker: sends what
@@ -38,11 +46,11 @@ class CellWorker {
   /// Says farewell. False: it waits for the broker, and the thread is left.
   bool stop_unless_waiting(Duration patience);
 
-  /// Of a host that only takes frames: one of its observations, and what its search doubts; from
-  /// any thread, never waits.
+  /// Of a host that takes frames: one of its observations, and what its search doubts; from any
+  /// thread, never waits.
   void push(const Observation& observation);
   void set_doubted(ObjectId object, bool doubted);
-  /// Of a host that keeps the estimates: one of them, as FusionWorker tells it.
+  /// Of a host that estimates: one of its estimates, as FusionWorker tells it.
   void push(const PoseEstimate& estimate, FusionWorker::Cause cause);
 
   /// Passes an operator's order on to the other hosts; from any thread, never waits. Refused while
@@ -60,9 +68,13 @@ class CellWorker {
   MqttSession session();
   void on_connect();
   void on_message(std::string_view topic, std::string_view payload);
+  void on_own(std::string_view topic, std::string_view payload, Time now);
+  void on_neighbor(const std::string& cell, std::string_view topic, std::string_view payload,
+                   Time now);
   void on_host(std::string_view topic, std::string_view payload);
   void on_claim(std::string_view payload);
   void step(MqttClient* client, Time now);
+  void step_fusion(MqttClient* client, Time now);
   void read_clocks(Time now);
   void say_state(MqttClient& client, Time now);
   CellHostState own_state(bool online) const;
@@ -76,6 +88,7 @@ class CellWorker {
   // One of the two.
   std::unique_ptr<CellFusion> fusion_;
   std::unique_ptr<CellCameras> cameras_;
+  std::unique_ptr<CellSender> sender_;  // null: this host's observations do not travel
   CellOrders orders_;
   ClockWatch clock_;
   ClockService clock_service_;

@@ -43,12 +43,13 @@ Status System::hint(const std::string& object, const SearchHint& hint) const {
 
 Status System::forget(const std::string& object) const {
   SL_ASSIGN(const ObjectId id, find_object(installation, object));
-  if (!fuses(installation.cell.role) && (!cell || cell->status().fusion.empty())) {
+  if (!fuses(installation.cell.role) && !installation.cell.local &&
+      (!cell || cell->status().fusion.empty())) {
     return make_error(ErrorCode::kUnavailable, object,
                       "another host keeps the estimates, and none is there now");
   }
   if (search) search->forget(id);
-  if (fusion && fuses(installation.cell.role)) fusion->forget(id);
+  if (fusion && (fuses(installation.cell.role) || installation.cell.local)) fusion->forget(id);
   return {};
 }
 

@@ -35,6 +35,7 @@ struct System {
   Installation installation{};
   std::shared_ptr<const Rig> rig{};
   std::shared_ptr<TrackBoard> board{};
+  std::shared_ptr<TrackBoard> own_board{};  ///< what `fusion` estimates; mostly the same
   std::shared_ptr<FusionWorker> fusion{};
   std::shared_ptr<SceneReferences> rooms{};  ///< what each camera has seen of its room
   /// By CameraId: whose observations `fusion` has been given, also of cameras that have gone since.

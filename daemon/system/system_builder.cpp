@@ -52,30 +52,50 @@ void hint_last_poses(const Installation& installation, ObjectSearch& search) {
   }
 }
 
+// Whether this host's estimates are shown only where no other host's are.
+bool estimates_apart(const CellOptions& cell) {
+  return cell.enabled() && (fuses(cell.role) ? !cell.neighbors.empty() : cell.local);
+}
+
 }  // namespace
 
-FusionWorker::OnEstimate on_estimate(const SystemContext& context, const Rig& rig) {
+FusionWorker::OnEstimate feeds(const SystemContext& context, const Rig& rig) {
   return [taps = context.taps, poses = context.poses, recordings = context.recordings,
           events = std::make_shared<ObjectEvents>(rig.names())](const PoseEstimate& estimate,
                                                                 FusionWorker::Cause cause) {
     poses->push(estimate);
     events->take(estimate);
     recordings->push(estimate, cause == FusionWorker::Cause::kFrame);
-    if (const auto cell = taps->cell.read()) cell->push(estimate, cause);
     if (cause != FusionWorker::Cause::kFrame) return;
     if (const auto recorder = taps->recorder.read()) recorder->push(estimate);
   };
 }
 
+FusionWorker::OnEstimate on_estimate(const SystemContext& context, const Installation& installation,
+                                     const Rig& rig) {
+  const auto to_cell = [taps = context.taps](const PoseEstimate& estimate,
+                                             FusionWorker::Cause cause) {
+    if (const auto cell = taps->cell.read()) cell->push(estimate, cause);
+  };
+  if (estimates_apart(installation.cell)) return to_cell;
+  if (!fuses(installation.cell.role)) return {};
+  return [to_cell, here = feeds(context, rig)](const PoseEstimate& estimate,
+                                               FusionWorker::Cause cause) {
+    here(estimate, cause);
+    to_cell(estimate, cause);
+  };
+}
+
 std::function<void(Observation)> to_fusion(const SystemContext& context, const System& system,
                                            LatencyHistogram* latency) {
-  if (fuses(system.installation.cell.role)) {
-    return [fusion = system.fusion, latency](Observation observation) {
-      fusion->push(std::move(observation), latency);
-    };
-  }
-  return [taps = context.taps](const Observation& observation) {
+  const auto to_cell = [taps = context.taps](const Observation& observation) {
     if (const auto cell = taps->cell.read()) cell->push(observation);
+  };
+  if (!fuses(system.installation.cell.role)) return to_cell;
+  const bool travels = !system.installation.cell.neighbors.empty();
+  return [fusion = system.fusion, latency, travels, to_cell](Observation observation) {
+    if (travels) to_cell(observation);
+    fusion->push(std::move(observation), latency);
   };
 }
 
@@ -106,15 +126,16 @@ Result<SystemDraft> SystemBuilder::prepare(Installation next, std::stop_token st
   SL_RETURN_IF_ERROR(check_not_stopped(stop));
   if (draft.plan.fusion || !old_.fusion) {
     system.board = std::make_shared<TrackBoard>(system.rig->objects.size());
-    // A host that takes the estimates of another one has nothing to publish of its own.
-    const bool own = fuses(now.cell.role);
-    SL_ASSIGN(
-        system.fusion,
-        FusionWorker::start(now.estimator, system.rig->names(), system.rig->shape_symmetry(),
-                            own ? system.board : nullptr,
-                            own ? make_calibration_watch(now, *system.rig) : nullptr,
-                            context_.registry, context_.beats,
-                            own ? on_estimate(context_, *system.rig) : FusionWorker::OnEstimate()));
+    // What others estimate is shown beside what this host does.
+    const bool own = fuses(now.cell.role), apart = estimates_apart(now.cell);
+    system.own_board =
+        apart ? std::make_shared<TrackBoard>(system.rig->objects.size()) : system.board;
+    SL_ASSIGN(system.fusion,
+              FusionWorker::start(now.estimator, system.rig->names(), system.rig->shape_symmetry(),
+                                  own || apart ? system.own_board : nullptr,
+                                  own ? make_calibration_watch(now, *system.rig) : nullptr,
+                                  context_.registry, context_.beats,
+                                  on_estimate(context_, now, *system.rig)));
     system.fusion_cameras.clear();
   }
   if (!system.rooms) {

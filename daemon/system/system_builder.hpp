@@ -79,8 +79,12 @@ class SystemBuilder {
   const System& old_;
 };
 
-/// Who hears of estimates, wherever they are made: clients, recordings, the log, the cell.
-FusionWorker::OnEstimate on_estimate(const SystemContext& context, const Rig& rig);
+/// Who hears of the estimates that are shown here, wherever they are made: clients, recordings, the
+/// log.
+FusionWorker::OnEstimate feeds(const SystemContext& context, const Rig& rig);
+/// Who hears of this host's estimates: the cell, and those above unless the cell decides.
+FusionWorker::OnEstimate on_estimate(const SystemContext& context, const Installation& installation,
+                                     const Rig& rig);
 /// Where observations go: to this host's estimators, or to the cell's.
 std::function<void(Observation)> to_fusion(const SystemContext& context, const System& system,
                                            LatencyHistogram* latency);

@@ -337,8 +337,9 @@ void SystemExchange::start_cell() {
                                   .names = feed_names(next_),
                                   .noise = now.estimator.noise,
                                   .board = next_.board,
+                                  .own_board = next_.own_board,
                                   .fusion = next_.fusion,
-                                  .on_estimate = on_estimate(context_, *next_.rig),
+                                  .on_estimate = feeds(context_, *next_.rig),
                                   .on_order = context_.on_order},
                                  context_.registry, context_.beats);
   context_.taps->cell.publish(next_.cell);

@@ -139,7 +139,7 @@ std::string status_line(const System& system, const ConfigReport& config,
 
 namespace {
 
-Json cell_json(const CellWorker& cell) {
+Json cell_json(const CellWorker& cell, const std::vector<std::string>& objects) {
   const CellStatus status = cell.status();
   const CellOptions& options = cell.options();
   Json json{{"name", options.name},
@@ -165,6 +165,15 @@ Json cell_json(const CellWorker& cell) {
     for (const CellHostState::Camera& camera : host.cameras)
       entry["cameras"].push_back(camera.name);
     json["hosts"].push_back(std::move(entry));
+  }
+  if (status.neighbors.empty()) return json;
+  json["neighbors"] = Json::array();
+  for (const CellStatus::Neighbor& neighbor : status.neighbors) {
+    json["neighbors"].push_back({{"cell", neighbor.cell}, {"fusion", neighbor.fusion}});
+  }
+  json["objects"] = Json::array();
+  for (size_t i = 0; i < std::min(status.holders.size(), objects.size()); ++i) {
+    json["objects"].push_back({{"name", objects[i]}, {"cell", status.holders[i]}});
   }
   return json;
 }
@@ -197,10 +206,12 @@ Json objects_array(const System& system) {
   if (system.board) system.board->read(tracks);
   const auto zones = system.zones ? system.zones->inside() : nullptr;
   const auto sight = sight_cameras(system);
+  const auto local = system.cell ? system.cell->status().local : std::vector<bool>();
   const auto checks = system.points ? system.points->checks() : std::vector<PointCheck>();
   for (size_t i = 0; i < tracks.size(); ++i) {
     objects.push_back(object_json(system.rig->objects[i].named, tracks[i], camera_names,
                                   i < checks.size() ? &checks[i] : nullptr));
+    if (i < local.size() && local[i]) objects.back()["local"] = true;
     if (tracks[i] && !tracks[i]->empty()) add_sight(system, *tracks[i], sight, objects.back());
     if (!zones) continue;
     objects.back()["zones"] = i < zones->size() ? (*zones)[i] : std::vector<std::string>();
@@ -250,7 +261,7 @@ std::string state_json(const System& system, const ConfigReport& config,
         {"connected", mqtt.connected}};
     if (!mqtt.problem.empty()) json["mqtt"]["problem"] = mqtt.problem;
   }
-  if (system.cell) json["cell"] = cell_json(*system.cell);
+  if (system.cell) json["cell"] = cell_json(*system.cell, feed_names(system).objects);
   for (const ThreadWait& wait : waits) json["waiting"].push_back(wait_json(wait));
   json["cameras"] = cameras_array(system);
   json["virtual_cameras"] = views_array(system);

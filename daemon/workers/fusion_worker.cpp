@@ -145,6 +145,25 @@ void FusionWorker::forget_those_named() {
   }
 }
 
+void FusionWorker::adopt(PoseTrackPtr track) {
+  if (track == nullptr) return;
+  std::lock_guard lock(mutex_);
+  std::erase_if(adopt_,
+                [&](const PoseTrackPtr& older) { return older->object() == track->object(); });
+  adopt_.push_back(std::move(track));
+}
+
+void FusionWorker::adopt_those_given() {
+  std::vector<PoseTrackPtr> tracks;
+  {
+    std::lock_guard lock(mutex_);
+    tracks.swap(adopt_);
+  }
+  for (const PoseTrackPtr& track : tracks) {
+    if (fusion_->adopt(*track)) tell_of_silence(track->object());
+  }
+}
+
 void FusionWorker::stop() {
   thread_.request_stop();
   if (thread_.joinable()) thread_.join();
@@ -155,6 +174,7 @@ void FusionWorker::run(std::stop_token stop, Heartbeat& heartbeat) {
     heartbeat.beat();
     if (auto item = queue_.pop(stop, 20ms)) take(item->observation, item->latency);
     forget_those_named();
+    adopt_those_given();
     take_cameras();
     take_scene_looks();
     for (const ObjectId object : fusion_->advance(MonotonicClock::now())) {

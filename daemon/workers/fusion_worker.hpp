@@ -45,6 +45,9 @@ class FusionWorker {
   void set_doubted(ObjectId object, bool doubted, Doubt by = Doubt::kSearch);
   /// Drops what is known of an object, a moment later; from any thread, never waits.
   void forget(ObjectId object);
+  /// Goes on with another host's track of an object that has no pose here (ObjectFusion::adopt()),
+  /// a moment later; from any thread, never waits. Null is ignored.
+  void adopt(PoseTrackPtr track);
   /// What the cameras' places are believed to be, by CameraId; null: nobody watches, or nothing is
   /// known yet. Any thread.
   std::shared_ptr<const std::vector<CameraWatch>> calibration() const {
@@ -62,6 +65,7 @@ class FusionWorker {
   void run(std::stop_token stop, Heartbeat& heartbeat);
   void take(const Observation& observation, LatencyHistogram* latency);
   void forget_those_named();
+  void adopt_those_given();
   void take_cameras();
   void take_scene_looks();
   void publish_calibration();
@@ -91,9 +95,10 @@ class FusionWorker {
   };
   BoundedQueue<Item> queue_{256};
   Snapshot<const std::vector<CameraWatch>> calibration_;
-  std::mutex mutex_;  // guards the three below
+  std::mutex mutex_;  // guards the four below
   std::optional<std::vector<std::optional<Rigid3>>> next_cameras_;
   std::vector<ObjectId> forget_;
+  std::vector<PoseTrackPtr> adopt_;
   std::vector<SceneLook> scene_looks_;
   Counter& dropped_;
   std::vector<std::atomic<uint8_t>> doubted_;  // by ObjectId: bits of Doubt

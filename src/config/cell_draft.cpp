@@ -17,9 +17,9 @@ namespace {
 namespace fs = std::filesystem;
 
 // What differs from host to host, or is made anew.
-constexpr std::array<std::string_view, 10> kReplaced = {
-    "role", "name",          "host",    "broker",      "port",
-    "user", "password_file", "ca_file", "certificate", "key"};
+constexpr std::array<std::string_view, 11> kReplaced = {
+    "role",          "name",    "host",        "broker", "port",     "user",
+    "password_file", "ca_file", "certificate", "key",    "neighbors"};
 
 Error refuse(const fs::path& path, const toml::node& node, std::string_view text) {
   const auto& begin = node.source().begin;
@@ -82,7 +82,8 @@ class Reader {
       return refuse(path_, node, "camera: expected a section [[camera]]");
     }
     CellDraft::Camera camera{text_of(*table, "name"), text_of(*table, "host"),
-                             static_cast<unsigned>(table->source().begin.line)};
+                             static_cast<unsigned>(table->source().begin.line),
+                             text_of(*table, "cell")};
     if (camera.name.empty()) return refuse(path_, node, "camera: lacks a name");
     draft_.cameras.push_back(std::move(camera));
     return {};
@@ -101,6 +102,11 @@ class Reader {
     draft_.name = text_of(cell, "name");
     draft_.host = text_of(cell, "host");
     draft_.broker = text_of(cell, "broker");
+    if (const auto* neighbors = cell["neighbors"].as_array()) {
+      for (const toml::node& node : *neighbors) {
+        draft_.neighbors.push_back(node.value<std::string>().value_or(""));
+      }
+    }
     const std::string role = text_of(cell, "role");
     draft_.fuses = role.empty() ? !draft_.broker.empty() : role != "cameras";
     for (const auto& [key, value] : cell) {

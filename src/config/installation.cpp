@@ -80,7 +80,7 @@ class InstallationReader {
   void read_overlay();
   void read_cameras();
   void read_camera(TomlTable table);
-  void add_remote(const CalibratedCamera& camera, const std::string& host);
+  void add_remote(const CalibratedCamera& camera, RemoteCamera remote);
   void check_recorded(TomlTable& table, const CameraConfig& camera);
   std::optional<CalibratedCamera> calibration_of(TomlTable& table, const std::string& name);
   void check_scene_depth(TomlTable& table, CameraConfig& camera, bool calibrated);
@@ -180,8 +180,8 @@ void InstallationReader::read_camera(TomlTable table) {
       }
     }
   }
-  if (std::string host; config::is_remote(table, result_, host)) {
-    if (calibration) add_remote(*calibration, host);
+  if (RemoteCamera remote; config::is_remote(table, result_, remote)) {
+    if (calibration) add_remote(*calibration, std::move(remote));
     return;  // the rest is for that host to check
   }
   // Stands in for a calibration that is missing, so that the rest of the table is checked too.
@@ -221,8 +221,10 @@ void InstallationReader::read_camera(TomlTable table) {
   result_.cameras.push_back(std::move(camera));
 }
 
-void InstallationReader::add_remote(const CalibratedCamera& camera, const std::string& host) {
-  result_.cell.cameras.push_back({camera.name, host, camera_hash(camera)});
+void InstallationReader::add_remote(const CalibratedCamera& camera, RemoteCamera remote) {
+  remote.name = camera.name;
+  remote.calibration = camera_hash(camera);
+  result_.cell.cameras.push_back(std::move(remote));
   remote_.push_back(camera);
 }
 

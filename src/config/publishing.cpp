@@ -3,6 +3,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 
 #include "config/names.hpp"
@@ -23,6 +24,42 @@ std::string machine_name() {
   std::array<char, 256> name{};
   if (gethostname(name.data(), name.size() - 1) != 0) return {};
   return name.data();
+}
+
+constexpr size_t kMostNeighbors = 16;
+
+// Topics begin with the names: none may begin another one's.
+bool share_topics(const std::string& one, const std::string& other) {
+  return (one + "/").starts_with(other + "/") || (other + "/").starts_with(one + "/");
+}
+
+void read_neighbors(TomlTable& table, CellOptions& cell) {
+  const auto list = table.texts("neighbors");
+  if (!list) return;
+  if (!cell.enabled() && !list->empty()) {
+    table.problem("neighbors",
+                  "work together over brokers: say where the broker is, as in broker = "
+                  "\"192.168.1.10\"");
+  }
+  if (list->size() > kMostNeighbors) {
+    table.problem("neighbors", fmt::format("{} cells; at most {}", list->size(), kMostNeighbors));
+  }
+  std::vector<std::string> known{cell.name};
+  for (const PlacedText& neighbor : *list) {
+    const auto shares = [&](const std::string& other) {
+      return share_topics(neighbor.text, other);
+    };
+    if (!is_topic(neighbor.text)) {
+      table.problem("neighbors", "names of other cells, each " + std::string(kTopicWanted));
+    } else if (std::ranges::any_of(known, shares)) {
+      table.problem("neighbors",
+                    fmt::format("\"{}\" is this cell, comes twice, or shares topics with \"{}\"",
+                                neighbor.text, *std::ranges::find_if(known, shares)));
+    } else {
+      known.push_back(neighbor.text);
+      cell.neighbors.push_back(neighbor.text);
+    }
+  }
 }
 
 }  // namespace
@@ -52,6 +89,7 @@ void read_cell(TomlTable& root, const std::filesystem::path& path, const Install
   SectionReader reader(*table, path, files);
   visit(reader, cell);
   if (!is_topic(cell.name)) table->problem("name", kTopicWanted);
+  read_neighbors(*table, cell);
   if (cell.enabled()) {
     if (cell.host.empty()) cell.host = machine_name();
     if (const auto fault = camera_name_fault(cell.host); !fault.empty()) {
@@ -75,10 +113,14 @@ void read_cell(TomlTable& root, const std::filesystem::path& path, const Install
   table->finish();
 }
 
-bool is_remote(TomlTable& camera, const Installation& installation, std::string& host) {
+bool is_remote(TomlTable& camera, const Installation& installation, RemoteCamera& remote) {
+  const auto cell = camera.text("cell");
   const auto named = camera.text("host");
-  if (!named) return false;
-  host = named->text;
+  if (!named) {
+    if (cell) camera.problem("cell", "has a meaning with host only: which one of that cell?");
+    return false;
+  }
+  const std::string& host = remote.host = named->text;
   if (!camera_name_fault(host).empty()) {
     camera.problem("host", "the name of a host of the cell, as in \"hall-2\"");
     return false;
@@ -86,6 +128,16 @@ bool is_remote(TomlTable& camera, const Installation& installation, std::string&
   if (!installation.cell.enabled()) {
     camera.problem("host", "has a meaning with [cell] broker only");
     return false;
+  }
+  if (cell && cell->text != installation.cell.name) {
+    const auto& neighbors = installation.cell.neighbors;
+    if (std::ranges::find(neighbors, cell->text) == neighbors.end()) {
+      camera.problem("cell", fmt::format("\"{}\" is not among the neighbors of [cell]{}",
+                                         cell->text, suggestion(cell->text, neighbors)));
+      return true;  // the rest is not for here, whoever has it
+    }
+    remote.cell = cell->text;
+    return true;
   }
   return host != installation.cell.host;
 }
@@ -101,6 +153,11 @@ void check_cell(TomlTable& root, Installation& installation) {
   } else if (cell.role != CellRole::kFusion && installation.cameras.empty()) {
     root.table("cell")->problem("host", fmt::format("no camera is this host's (\"{}\")", cell.host),
                                 ErrorCode::kNotFound);
+  }
+  if (cell.local && fuses(cell.role)) {
+    root.table("cell")->problem("local",
+                                "is for hosts with role = \"cameras\": the others keep the "
+                                "estimates anyway");
   }
   // Places are judged where the estimates are.
   if (!fuses(cell.role)) installation.watch.enabled = false;

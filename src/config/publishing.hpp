@@ -15,8 +15,8 @@ void read_publish(TomlTable& root, const std::filesystem::path& path,
 /// [cell]. Its host is this machine's name unless the file gives one.
 void read_cell(TomlTable& root, const std::filesystem::path& path, const InstallationFiles& files,
                Installation& installation);
-/// Of a camera: whether it is another host's. Notes where that has no meaning.
-bool is_remote(TomlTable& camera, const Installation& installation, std::string& host);
+/// Of a camera: whether it is another host's, and which one's. Notes where that has no meaning.
+bool is_remote(TomlTable& camera, const Installation& installation, RemoteCamera& remote);
 /// After the cameras: whether their hosts fit the role.
 void check_cell(TomlTable& root, Installation& installation);
 

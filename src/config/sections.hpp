@@ -273,6 +273,7 @@ void visit(Visitor& v, CellOptions& s) {
   v.seconds("age_limit", s.age_limit, 0.01, 0.3);
   v.seconds("clock_bound", s.clock_bound, 1e-6, 1);
   v.seconds("clock_limit", s.clock_limit, 1e-6, 1);
+  v.flag("local", s.local);
 }
 
 template <typename Visitor>

@@ -113,12 +113,17 @@ void ObjectEstimator::Impl::count(const BufferedSet& entry) {
 PoseTrackPtr ObjectEstimator::Impl::build_track() const {
   std::vector<PoseEstimate> estimates;
   estimates.reserve(history.size() + buffer.size() + 2);
-  const Time end = buffer.empty() ? now : std::max(now, buffer.entry(buffer.size() - 1).time);
-  history.append_to(end, estimates);
+  history.append_to(std::max(now, newest().published.time), estimates);
   for (size_t i = 0; i < buffer.size(); ++i) {
     estimates.push_back(buffer.entry(i).after.published);
   }
-  if (!buffer.empty()) fuse::append_silence(newest(), now, options, estimates);
+  if (buffer.empty() && newest().found_before) {  // adopted, and thinned out of the history perhaps
+    while (!estimates.empty() && estimates.back().time >= newest().published.time) {
+      estimates.pop_back();
+    }
+    estimates.push_back(newest().published);
+  }
+  if (newest().found_before) fuse::append_silence(newest(), now, options, estimates);
   return std::make_shared<const PoseTrack>(object, std::move(estimates), options.noise);
 }
 
@@ -179,6 +184,18 @@ void ObjectEstimator::advance(Time now) {
   const TrackState before = state();
   impl_->now = now;
   if (state() != before) impl_->track.reset();
+}
+
+bool ObjectEstimator::adopt(const PoseTrack& track) {
+  Impl& impl = *impl_;
+  if (track.empty() || !has_pose(track.newest().state)) return false;
+  const PoseEstimate& newest = track.newest();
+  impl.initial = impl.bank.known(newest);
+  impl.buffer.restart(impl.initial, newest.time);
+  impl.history = fuse::History(impl.options.history);
+  for (const PoseEstimate& estimate : track.history()) impl.history.add(estimate);
+  impl.track.reset();
+  return true;
 }
 
 void ObjectEstimator::set_doubted(bool doubted) { impl_->bank.set_doubted(doubted); }

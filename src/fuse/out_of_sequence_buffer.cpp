@@ -30,6 +30,13 @@ OutOfSequenceBuffer::OutOfSequenceBuffer(Duration span, int capacity, const Bank
   spare_.reserve(capacity_ + 2);
 }
 
+void OutOfSequenceBuffer::restart(const BankState& base, Time time) {
+  while (!entries_.empty()) drop_oldest();
+  base_ = base;
+  base_time_ = time;
+  has_base_ = true;
+}
+
 std::unique_ptr<BufferedSet> OutOfSequenceBuffer::new_entry(Time time) {
   std::unique_ptr<BufferedSet> entry;
   if (spare_.empty()) {

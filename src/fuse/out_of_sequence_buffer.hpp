@@ -26,6 +26,9 @@ class OutOfSequenceBuffer {
  public:
   OutOfSequenceBuffer(Duration span, int capacity, const BankState& initial);
 
+  /// Empties it: nothing may come before `time`, when `base` was known.
+  void restart(const BankState& base, Time time);
+
   enum class Placement { kPlaced, kTooLate, kDuplicate };
   struct Place {
     Placement placement = Placement::kPlaced;

@@ -105,6 +105,13 @@ void ObjectFusion::forget(ObjectId object) {
   publish(index);
 }
 
+bool ObjectFusion::adopt(const PoseTrack& track) {
+  ObjectEstimator& estimator = estimators_.at(track.object().index());
+  if (has_pose(estimator.state()) || !estimator.adopt(track)) return false;
+  publish(track.object().index());
+  return true;
+}
+
 void ObjectFusion::publish(size_t object) {
   tracks_[object] = estimators_[object].track();
   if (board_) board_->publish(tracks_[object]->object(), tracks_[object]);

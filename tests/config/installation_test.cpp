@@ -75,6 +75,30 @@ source = "replay:rec"
   EXPECT_TRUE(compare(installation, *other).none());
 }
 
+TEST(Installation, CamerasAtTheBorderAreANeighborsHosts) {
+  if (!cell_available()) GTEST_SKIP();
+  const Installation installation = parsed(R"(calibration = "calibration.toml"
+[cell]
+broker = "10.0.0.1"
+host = "hall-1"
+name = "site/a"
+neighbors = ["site/b", "site/c"]
+[[camera]]
+name = "right"
+host = "hall-1"
+cell = "site/b"
+[[camera]]
+name = "left"
+source = "replay:rec"
+host = "hall-1"
+cell = "site/a"
+)");
+  ASSERT_EQ(installation.cameras.size(), 1U) << "hosts of two cells may have one name";
+  EXPECT_EQ(installation.cameras[0].name, "left");
+  EXPECT_EQ(installation.cell.cameras.at(0).cell, "site/b");
+  EXPECT_EQ(installation.cell.neighbors, (std::vector<std::string>{"site/b", "site/c"}));
+}
+
 TEST(Installation, AFusionHostNeedsNoCamera) {
   if (!cell_available()) GTEST_SKIP();
   const std::string head =

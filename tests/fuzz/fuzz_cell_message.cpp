@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <cstdlib>
 
+#include "sightline/publish/cell/cell_bid.hpp"
 #include "sightline/publish/cell/cell_messages.hpp"
 #include "sightline/publish/cell/cell_order.hpp"
 #include "sightline/publish/cell/frozen_observation.hpp"
@@ -31,6 +32,11 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   if (const auto order = decode_order(bytes)) {
     const std::string once = encode(*order);
     const auto again = decode_order(once);
+    if (!again || encode(*again) != once) std::abort();
+  }
+  if (const auto bid = decode_bid(bytes)) {
+    const std::string once = encode(*bid);
+    const auto again = decode_bid(once);
     if (!again || encode(*again) != once) std::abort();
   }
   return 0;

@@ -3,6 +3,7 @@
 
 #include <limits>
 
+#include "sightline/publish/cell/cell_bid.hpp"
 #include "sightline/publish/cell/cell_messages.hpp"
 
 namespace sightline {
@@ -68,7 +69,25 @@ CellTrack track() {
   t.estimate.covariance.bottomRightCorner<6, 6>() = spread(1e-3);
   t.estimate.alternatives = spread(1e-5);
   t.cameras = {"left", "right"};
+  t.term = 1'700'000'000'500'000'000;
   return t;
+}
+
+CellBid bid() {
+  CellBid b;
+  b.object = "carton";
+  b.host = "hall-1";
+  b.boot = 9;
+  b.sequence = 4;
+  b.time_utc_ns = 1'700'000'000'000'000'000;
+  b.state = TrackState::kTracking;
+  b.sigma = 0.002;
+  b.holds = true;
+  b.term = 1'600'000'000'000'000'000;
+  b.from_utc_ns = b.time_utc_ns - 5;
+  b.next = "site/b";
+  b.until_utc_ns = b.time_utc_ns + 5;
+  return b;
 }
 
 TEST(CellWire, ObservationsComeBackExactly) {
@@ -101,6 +120,54 @@ TEST(CellWire, TracksComeBackExactly) {
   EXPECT_EQ(again->estimate.twist, t.estimate.twist);
   EXPECT_EQ(again->estimate.degraded_reasons, t.estimate.degraded_reasons);
   EXPECT_EQ(again->cameras, t.cameras);
+  EXPECT_EQ(again->term, t.term);
+}
+
+TEST(CellWire, BidsComeBackExactly) {
+  const CellBid b = bid();
+  const auto again = decode_bid(encode(b));
+  ASSERT_TRUE(again) << again.error().message();
+  EXPECT_EQ(encode(*again), encode(b));
+  EXPECT_EQ(again->sigma, b.sigma);
+  EXPECT_EQ(again->next, b.next);
+  EXPECT_EQ(again->until_utc_ns, b.until_utc_ns);
+  EXPECT_LT(encode(b).size(), 120U);
+}
+
+TEST(CellWire, RefusesBidsThatAreNone) {
+  const std::pair<const char*, void (*)(CellBid&)> faults[] = {
+      {"no name", [](CellBid& b) { b.object.clear(); }},
+      {"a host that is none", [](CellBid& b) { b.host = "a b"; }},
+      {"no time", [](CellBid& b) { b.time_utc_ns = 0; }},
+      {"a time before all others", [](CellBid& b) { b.from_utc_ns = -1; }},
+      {"a term that never ends", [](CellBid& b) { b.term = ~uint64_t{0}; }},
+      {"no such state", [](CellBid& b) { b.state = static_cast<TrackState>(9); }},
+      {"a sigma that is none", [](CellBid& b) { b.sigma = kNan; }},
+      {"a sigma below zero", [](CellBid& b) { b.sigma = -1; }},
+      {"a cell that is a pattern", [](CellBid& b) { b.next = "site/#"; }},
+      {"a cell of two lines", [](CellBid& b) { b.next = "site\nb"; }}};
+  for (const auto& [what, change] : faults) {
+    CellBid b = bid();
+    change(b);
+    EXPECT_FALSE(decode_bid(encode(b))) << what;
+  }
+  EXPECT_FALSE(decode_bid(encode(track())));
+  EXPECT_FALSE(decode_bid(encode(observation())));
+  EXPECT_FALSE(decode_track(encode(bid())));
+  EXPECT_FALSE(decode_observation(encode(bid())));
+  EXPECT_FALSE(decode_host_state(encode(bid())));
+}
+
+// The estimator's own sums leave as much where there are none.
+TEST(CellWire, RoundingIsNoAlternative) {
+  CellTrack t = track();
+  t.estimate.alternatives.setZero();
+  t.estimate.alternatives(3, 3) = -4e-21;
+  t.estimate.alternatives(1, 1) = 4e-21;
+  t.estimate.alternatives(0, 1) = t.estimate.alternatives(1, 0) = 3e-21;
+  const auto again = decode_track(encode(t));
+  ASSERT_TRUE(again) << again.error().message();
+  EXPECT_TRUE(again->estimate.alternatives.isZero(0));
 }
 
 TEST(CellWire, ALostObjectHasNoPose) {

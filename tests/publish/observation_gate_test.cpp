@@ -38,6 +38,25 @@ TEST_F(Gate, TakesWhatIsNew) {
   EXPECT_EQ(check(next()), CellVerdict::kTaken);
 }
 
+// Names of hosts are a cell's own: a neighbor's boots say nothing of this one's.
+TEST_F(Gate, ABorderCameraIsItsCells) {
+  ObservationGate gate(
+      {{CameraId(4), {"left", "hall-2", 5}}, {CameraId(5), {"side", "hall-2", 5, "site/b"}}},
+      {"carton"}, 250ms);
+  CellObservation border = next();
+  border.camera = "side";
+  border.boot = 12;
+  EXPECT_EQ(gate.check(border, kNow, true, 2ms).verdict, CellVerdict::kForeign);
+  EXPECT_EQ(gate.check(border, kNow, true, 2ms, "site/c").verdict, CellVerdict::kForeign);
+  const auto pass = gate.check(border, kNow, true, 2ms, "site/b");
+  EXPECT_EQ(pass.verdict, CellVerdict::kTaken);
+  EXPECT_EQ(pass.camera, CameraId(5));
+  EXPECT_EQ(gate.check(next(), kNow, true, 2ms, "site/b").verdict, CellVerdict::kForeign);
+  EXPECT_EQ(gate.check(next(), kNow, true, 2ms).verdict, CellVerdict::kTaken);
+  border.sequence += 10;
+  EXPECT_EQ(gate.check(border, kNow, true, 2ms, "site/b").verdict, CellVerdict::kTaken);
+}
+
 TEST_F(Gate, OldOnesAndOnesFromTheFutureStayOutside) {
   EXPECT_EQ(check(next(), kNow + 240'000'000), CellVerdict::kLate);
   EXPECT_EQ(check(next(), kNow - 21'000'000), CellVerdict::kTaken);  // within the clocks' bounds

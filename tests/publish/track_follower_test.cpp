@@ -55,6 +55,18 @@ TEST(TrackFollower, ALateEstimateIsBetterThanNone) {
   EXPECT_EQ(follower.track()->newest().state, TrackState::kTracking);
 }
 
+TEST(TrackFollower, GoesOnFromWhatWasKnownBefore) {
+  TrackFollower before(ObjectId(1), {}), follower(ObjectId(1), {});
+  for (int i = 0; i < 10; ++i) before.take(tracked(i * 10ms));
+  follower.take(tracked(500ms));
+  follower.restart(before.track().get(), Time(10s) + 50ms);
+  EXPECT_EQ(follower.track()->newest().time, Time(10s) + 40ms);
+  EXPECT_TRUE(follower.take(tracked(50ms)));
+  EXPECT_EQ(follower.track()->history().size(), 6U);
+  follower.restart(nullptr, Time(10s));
+  EXPECT_TRUE(follower.track()->empty());
+}
+
 TEST(TrackFollower, KeepsNoMoreThanItNeeds) {
   TrackFollower follower(ObjectId(0), {});
   for (int i = 0; i < 1000; ++i) follower.take(tracked(i * 5ms));

@@ -16,14 +16,16 @@ namespace sightline {
 struct CellDraft {
   struct Camera {
     std::string name;
-    std::string host;   ///< empty: it does not say
-    unsigned line = 0;  ///< of its [[camera]]
+    std::string host;    ///< empty: it does not say
+    unsigned line = 0;   ///< of its [[camera]]
+    std::string cell{};  ///< empty: it does not say
   };
   std::vector<Camera> cameras;
-  std::string name, host, broker;       ///< of [cell]; empty: not there
-  bool fuses = false;                   ///< [cell] is that of a host which keeps the estimates
-  std::string kept;                     ///< lines of [cell] that hold for every host
-  size_t cell_begin = 0, cell_end = 0;  ///< bytes of [cell]; equal: there is none
+  std::string name, host, broker;        ///< of [cell]; empty: not there
+  std::vector<std::string> neighbors{};  ///< of [cell]
+  bool fuses = false;                    ///< [cell] is that of a host which keeps the estimates
+  std::string kept;                      ///< lines of [cell] that hold for every host
+  size_t cell_begin = 0, cell_end = 0;   ///< bytes of [cell]; equal: there is none
   /// Whatever text in it is the name of a file below its folder, relative to that; each once.
   std::vector<std::filesystem::path> files;
   /// Files that lie elsewhere: every host needs them there.

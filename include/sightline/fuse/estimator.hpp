@@ -115,6 +115,12 @@ class ObjectEstimator {
   /// `coasting` and `lost`. Never influences what process() computes.
   void advance(Time now);
 
+  /// Goes on with what somebody else has estimated: everything known here is forgotten, the newest
+  /// estimate of `track` is what is known at its time, with its covariance; older ones are shown.
+  /// What was captured before that is too late from then on, as it is in the estimate already.
+  /// Nothing changes (false) if the newest estimate has no pose.
+  bool adopt(const PoseTrack& track);
+
   /// Whether another orientation is suspected to explain the images better than the one in force:
   /// until it is said no more, the object is not `tracking`. Counts for sets processed from now on.
   void set_doubted(bool doubted);

@@ -44,6 +44,9 @@ class ObjectFusion {
   /// Drops what is known of an object: it is searching, as if it had never been seen.
   void forget(ObjectId object);
 
+  /// ObjectEstimator::adopt(), where the object has no pose here; true: it has now.
+  bool adopt(const PoseTrack& track);
+
   /// One per object, never null.
   const std::vector<PoseTrackPtr>& tracks() const { return tracks_; }
   const ObjectEstimator& estimator(ObjectId object) const { return estimators_[object.index()]; }

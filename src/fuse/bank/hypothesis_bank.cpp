@@ -25,6 +25,25 @@ BankState HypothesisBank::nothing_known() const {
   return state;
 }
 
+// No camera is credited with it, so that the next set decides whether it is still seen. Poses that
+// the shape cannot tell apart: if the estimate is sure of its own, so is this one.
+BankState HypothesisBank::known(const PoseEstimate& estimate) const {
+  BankState state = nothing_known();
+  Hypothesis& hypothesis = state.hypotheses[0];
+  hypothesis.estimate = estimate;
+  hypothesis.estimate.object = object_;
+  hypothesis.estimate.cameras = 0;
+  hypothesis.estimate.alternatives.setZero();
+  hypothesis.confirmations = options_.confirm_sets;
+  if ((estimate.degraded_reasons & kAmbiguous) == 0) symmetric_.decide(hypothesis);
+  state.count = 1;
+  state.published = estimate;
+  state.published.object = object_;
+  state.published.cameras = 0;
+  state.found_before = true;
+  return state;
+}
+
 // Whether the set gives the pose in force up. Further cameras of the same detection come at times
 // of their own and find the new pose in force.
 bool HypothesisBank::refuted(Time time, std::span<const Observation> observations,

@@ -25,6 +25,8 @@ class HypothesisBank {
 
   /// State of an object that was never seen.
   BankState nothing_known() const;
+  /// What is known where somebody else's estimate, which has a pose, is taken for right.
+  BankState known(const PoseEstimate& estimate) const;
   /// `observations`: of one object at one capture time, not before the state's. `after` may not be
   /// `before`.
   void step(const BankState& before, Time time, std::span<const Observation> observations,

@@ -93,6 +93,12 @@ size_t SymmetricHypotheses::nearest(const Eigen::Quaterniond& turn) const {
   return best;
 }
 
+void SymmetricHypotheses::decide(Hypothesis& hypothesis) const {
+  SymmetryCosts& costs = hypothesis.symmetry_costs;
+  costs[0] = 0;
+  for (size_t k = 1; k < symmetries_.size(); ++k) costs[k] = is_near(k) ? kMaxNearCost : kMaxCost;
+}
+
 void SymmetricHypotheses::allow_motion(const Matrix6& predicted_covariance,
                                        Hypothesis& hypothesis) const {
   if (symmetries_.size() == 1) return;

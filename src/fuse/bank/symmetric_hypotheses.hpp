@@ -27,6 +27,9 @@ class SymmetricHypotheses {
   /// Moves the hypothesis to the pose that is the likeliest by far. True if that is another.
   bool choose(Hypothesis& hypothesis) const;
 
+  /// The hypothesis' own pose is the right one.
+  void decide(Hypothesis& hypothesis) const;
+
   /// Nothing tells which of the poses it is.
   bool ambiguous(const Hypothesis& hypothesis) const;
   /// Second moments of the other poses about the hypothesis' one, and of rotations about the axis.

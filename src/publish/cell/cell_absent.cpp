@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "sightline/publish/cell/cell_bid.hpp"
 #include "sightline/publish/cell/cell_messages.hpp"
 #include "sightline/publish/cell/cell_order.hpp"
 
@@ -17,6 +18,8 @@ std::string encode(const CellObservation&) { return {}; }
 std::string encode(const CellTrack&) { return {}; }
 std::string encode(const CellHostState&) { return {}; }
 std::string encode(const CellOrder&) { return {}; }
+std::string encode(const CellBid&) { return {}; }
+Result<CellBid> decode_bid(std::string_view) { return absent(); }
 Result<CellOrder> decode_order(std::string_view) { return absent(); }
 Result<CellObservation> decode_observation(std::string_view) { return absent(); }
 Result<CellTrack> decode_track(std::string_view) { return absent(); }

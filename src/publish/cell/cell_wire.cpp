@@ -135,6 +135,11 @@ Status read_measurement(const wire::Observation& in, CellObservation& out) {
   return {};
 }
 
+// A difference of two covariances may leave rounding of either sign where there is nothing.
+bool is_something(const Matrix6& alternatives, const Matrix6& covariance) {
+  return (alternatives.diagonal().array() > kRounding * covariance.diagonal().array()).any();
+}
+
 }  // namespace
 
 bool cell_available() { return mqtt_available(); }
@@ -222,11 +227,12 @@ std::string encode(const CellTrack& track) {
     put(estimate.world_from_object, *out.mutable_pose());
     put(estimate.twist, *out.mutable_twist());
     put<12>(estimate.covariance, *out.mutable_covariance());
-    if (!estimate.alternatives.isZero(0)) {
+    if (is_something(estimate.alternatives, estimate.own_covariance())) {
       put<6>(estimate.alternatives, *out.mutable_alternatives());
     }
   }
   for (const std::string& camera : track.cameras) out.add_cameras(camera);
+  out.set_term(track.term);
   return out.SerializeAsString();
 }
 
@@ -259,6 +265,7 @@ Result<CellTrack> decode_track(std::string_view bytes) {
     if (!is_camera_name(camera)) return refuse("lacks a name");
     out.cameras.push_back(camera);
   }
+  out.term = in.term();
   return out;
 }
 

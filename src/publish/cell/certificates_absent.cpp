@@ -13,5 +13,8 @@ Error absent() {
 
 Result<PemPair> make_authority(const CertificateSubject&) { return absent(); }
 Result<PemPair> make_certificate(const CertificateSubject&, const PemPair&) { return absent(); }
+Result<std::string> make_revocation_list(const std::vector<std::string>&, const PemPair&, int) {
+  return absent();
+}
 
 }  // namespace sightline

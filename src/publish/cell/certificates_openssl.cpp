@@ -8,6 +8,7 @@
 #include <openssl/x509v3.h>
 
 #include <array>
+#include <ctime>
 #include <memory>
 
 #include "sightline/publish/cell/certificates.hpp"
@@ -25,6 +26,10 @@ struct Free {
 using Certificate = std::unique_ptr<X509, Free<X509_free>>;
 using Key = std::unique_ptr<EVP_PKEY, Free<EVP_PKEY_free>>;
 using Memory = std::unique_ptr<BIO, Free<BIO_free>>;
+using List = std::unique_ptr<X509_CRL, Free<X509_CRL_free>>;
+using Entry = std::unique_ptr<X509_REVOKED, Free<X509_REVOKED_free>>;
+using Number = std::unique_ptr<ASN1_INTEGER, Free<ASN1_INTEGER_free>>;
+using Moment = std::unique_ptr<ASN1_TIME, Free<ASN1_TIME_free>>;
 using Extension = std::unique_ptr<X509_EXTENSION, Free<X509_EXTENSION_free>>;
 
 constexpr long kVersion3 = 2;  // as X.509 counts
@@ -102,18 +107,24 @@ bool describe_host(X509& certificate, X509& issuer, const CertificateSubject& su
           extend(certificate, issuer, NID_subject_alt_name, alternative_names(subject.addresses)));
 }
 
+std::string text_of(BIO& memory) {
+  char* data = nullptr;
+  const long size = BIO_get_mem_data(&memory, &data);
+  return {data, static_cast<size_t>(size)};
+}
+
 Result<PemPair> to_pem(X509& certificate, EVP_PKEY& key, const std::string& subject) {
-  const auto text = [](BIO& memory) {
-    char* data = nullptr;
-    const long size = BIO_get_mem_data(&memory, &data);
-    return std::string(data, static_cast<size_t>(size));
-  };
   const Memory first(BIO_new(BIO_s_mem())), second(BIO_new(BIO_s_secmem()));
   const bool written =
       first && second && PEM_write_bio_X509(first.get(), &certificate) == 1 &&
       PEM_write_bio_PKCS8PrivateKey(second.get(), &key, nullptr, nullptr, 0, nullptr, nullptr) == 1;
   if (!written) return failure(subject, "write the certificate");
-  return PemPair{text(*first), text(*second)};
+  return PemPair{text_of(*first), text_of(*second)};
+}
+
+Certificate read_certificate(const std::string& pem) {
+  const Memory memory(BIO_new_mem_buf(pem.data(), static_cast<int>(pem.size())));
+  return Certificate(memory ? PEM_read_bio_X509(memory.get(), nullptr, nullptr, nullptr) : nullptr);
 }
 
 struct Parsed {
@@ -122,11 +133,9 @@ struct Parsed {
 };
 
 Result<Parsed> parse(const PemPair& pem) {
-  const Memory first(
-      BIO_new_mem_buf(pem.certificate.data(), static_cast<int>(pem.certificate.size())));
   const Memory second(BIO_new_mem_buf(pem.key.data(), static_cast<int>(pem.key.size())));
   Parsed parsed;
-  if (first) parsed.certificate.reset(PEM_read_bio_X509(first.get(), nullptr, nullptr, nullptr));
+  parsed.certificate = read_certificate(pem.certificate);
   if (second) parsed.key.reset(PEM_read_bio_PrivateKey(second.get(), nullptr, nullptr, nullptr));
   if (!parsed.certificate || !parsed.key)
     return failure("the authority", "read its certificate and key");
@@ -134,6 +143,38 @@ Result<Parsed> parse(const PemPair& pem) {
     return failure("the authority", "use this key with this certificate");
   }
   return parsed;
+}
+
+Moment moment(long from_now_s) { return Moment(X509_gmtime_adj(nullptr, from_now_s)); }
+
+bool add_revoked(X509_CRL& list, const X509& certificate) {
+  Entry entry(X509_REVOKED_new());
+  const Moment now = moment(0);
+  const bool added =
+      entry && now &&
+      X509_REVOKED_set_serialNumber(
+          entry.get(), const_cast<ASN1_INTEGER*>(X509_get0_serialNumber(&certificate))) == 1 &&
+      X509_REVOKED_set_revocationDate(entry.get(), now.get()) == 1 &&
+      X509_CRL_add0_revoked(&list, entry.get()) == 1;
+  if (added) (void)entry.release();  // it is the list's
+  return added;
+}
+
+// What RFC 5280 (5.1, 5.2) wants of it. Its number has to grow: the time does.
+bool describe_list(X509_CRL& list, X509& issuer, int days) {
+  const Moment begin = moment(-kClocksApart_s), end = moment(kDay_s * days), now = moment(0);
+  const Number count(ASN1_INTEGER_new());
+  X509V3_CTX context;
+  X509V3_set_ctx(&context, &issuer, nullptr, nullptr, &list, 0);
+  const Extension key(
+      X509V3_EXT_conf_nid(nullptr, &context, NID_authority_key_identifier, "keyid:always"));
+  return begin && end && now && count && key && X509_CRL_set_version(&list, 1) == 1 &&
+         X509_CRL_set_issuer_name(&list, X509_get_subject_name(&issuer)) == 1 &&
+         X509_CRL_set1_lastUpdate(&list, begin.get()) == 1 &&
+         X509_CRL_set1_nextUpdate(&list, end.get()) == 1 &&
+         X509_CRL_add_ext(&list, key.get(), -1) == 1 &&
+         ASN1_INTEGER_set_uint64(count.get(), static_cast<uint64_t>(std::time(nullptr))) == 1 &&
+         X509_CRL_add1_ext_i2d(&list, NID_crl_number, count.get(), 0, 0) == 1;
 }
 
 }  // namespace
@@ -160,6 +201,27 @@ Result<PemPair> make_certificate(const CertificateSubject& subject, const PemPai
                     X509_sign(certificate.get(), issuer.key.get(), EVP_sha256()) > 0;
   if (!made) return failure(subject.name, "make its certificate");
   return to_pem(*certificate, *key, subject.name);
+}
+
+Result<std::string> make_revocation_list(const std::vector<std::string>& revoked,
+                                         const PemPair& authority, int days) {
+  SL_ASSIGN(const Parsed issuer, parse(authority));
+  const List list(X509_CRL_new());
+  if (!list || !describe_list(*list, *issuer.certificate, days)) {
+    return failure("the authority", "make the list of what it takes back");
+  }
+  for (const std::string& pem : revoked) {
+    const Certificate certificate = read_certificate(pem);
+    if (!certificate || !add_revoked(*list, *certificate)) {
+      return failure("the authority", "take a certificate back");
+    }
+  }
+  const Memory memory(BIO_new(BIO_s_mem()));
+  const bool made = X509_CRL_sort(list.get()) == 1 &&
+                    X509_CRL_sign(list.get(), issuer.key.get(), EVP_sha256()) > 0 && memory &&
+                    PEM_write_bio_X509_CRL(memory.get(), list.get()) == 1;
+  if (!made) return failure("the authority", "sign the list of what it takes back");
+  return text_of(*memory);
 }
 
 }  // namespace sightline

@@ -13,7 +13,7 @@ constexpr size_t kMostBoots = 1024;  // kept of one host; older ones are beyond 
 std::string_view to_string(CellVerdict verdict) {
   static constexpr std::array<std::string_view, kCellVerdicts> kNames = {
       "taken",   "late",        "future",    "duplicate", "old_boot",
-      "foreign", "calibration", "malformed", "clock"};
+      "foreign", "calibration", "malformed", "clock",     "superseded"};
   return kNames.at(static_cast<size_t>(verdict));
 }
 
@@ -22,9 +22,10 @@ ObservationGate::ObservationGate(std::vector<Camera> cameras, std::vector<std::s
     : cameras_(std::move(cameras)), objects_(std::move(objects)), age_limit_(age_limit) {}
 
 ObservationGate::Pass ObservationGate::check(const CellObservation& observation, int64_t now_utc_ns,
-                                             bool fit, Duration slack) {
+                                             bool fit, Duration slack, std::string_view cell) {
   const auto camera = std::ranges::find_if(cameras_, [&](const Camera& known) {
-    return known.camera.name == observation.camera && known.camera.host == observation.host;
+    return known.camera.name == observation.camera && known.camera.host == observation.host &&
+           known.camera.cell == cell;
   });
   const auto object = std::ranges::find(objects_, observation.object);
   if (camera == cameras_.end() || object == objects_.end()) return {};
@@ -38,7 +39,7 @@ ObservationGate::Pass ObservationGate::check(const CellObservation& observation,
   const Duration age(now_utc_ns - observation.capture_utc_ns);
   if (age > age_limit_) return pass(CellVerdict::kLate);
   if (-age > slack + kCaptureSlack) return pass(CellVerdict::kFuture);
-  Host& host = hosts_[observation.host];
+  Host& host = hosts_[{camera->camera.cell, observation.host}];
   if (host.boot != observation.boot) {
     if (host.earlier.contains(observation.boot)) return pass(CellVerdict::kOldBoot);
     if (host.earlier.size() >= kMostBoots) host.earlier.clear();

@@ -3,6 +3,15 @@
 
 namespace sightline {
 
+void TrackFollower::restart(const PoseTrack* before, Time end) {
+  history_.clear();
+  silent_.reset();
+  if (before == nullptr) return;
+  for (const PoseEstimate& estimate : before->history()) {
+    if (estimate.time < end) (void)take(estimate);
+  }
+}
+
 bool TrackFollower::take(const PoseEstimate& estimate) {
   if (!history_.empty()) {
     PoseEstimate& newest = history_.back();

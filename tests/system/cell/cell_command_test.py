@@ -142,6 +142,46 @@ class Init(CellCase):
         self.assertFalse(stranger.state()["cell"]["connected"])
         stranger.stop()
 
+    def test_a_host_is_added_and_another_one_taken_back(self):
+        self.init_cell()
+        kept = {name: read_text(os.path.join(self.out, name)) for name in
+                ("authority/ca.key", "broker/broker.key", "broker/broker.pem", "hosts/a/cell/host.key", "hosts/a/cell/host.pem")}
+        text = read_text(self.config)
+        with open(self.config, "w", encoding="utf-8") as file:  # what b had is c's
+            file.write(text.replace('host = "b"', 'host = "c"'))
+        _, err = self.init_cell(None, "--update")
+        self.assertIn("host b is in the cell no more", err)
+        for name, content in kept.items():
+            self.assertEqual(read_text(os.path.join(self.out, name)), content, name)
+        self.assertEqual(sorted(os.listdir(os.path.join(self.out, "hosts"))), ["a", "c", "f"])
+        self.assertEqual(mode_of(self.files("c", "cell/host.key")), 0o600)
+        before = os.path.join(self.out, "revoked", "b")
+        self.broker_of(self.out)
+        daemons = [self.start(name, self.files(name, "sightline.toml")) for name in ("f", "a", "c")]
+        for daemon in daemons:
+            self.wait_for_state(daemon, "tracking")
+        seen = set()
+        wait_until(lambda: seen.update(daemons[0].state()["objects"][0].get("cameras", [])) or seen >= {"left", "right"},
+                   "the new host takes part")
+        gone = self.start("gone", os.path.join(before, "sightline.toml"))
+        wait_until(lambda: gone.state()["cell"].get("problem"), "it says why it is not connected")
+        self.assertFalse(gone.state()["cell"]["connected"])
+        # Back again: with another certificate, the old one stays what it is.
+        with open(self.config, "w", encoding="utf-8") as file:
+            file.write(text)
+        self.init_cell(None, "--update")
+        self.assertNotEqual(read_text(self.files("b", "cell/host.pem")), read_text(os.path.join(before, "cell", "host.pem")))
+        listed = subprocess.run(["openssl", "crl", "-in", os.path.join(self.out, "broker", "revoked.pem"), "-noout", "-text",
+                                 "-CAfile", os.path.join(self.out, "authority", "ca.pem")], check=True, capture_output=True,
+                                timeout=WAIT_S)
+        self.assertEqual(listed.stdout.decode().count("Serial Number"), 2)
+        self.assertIn("verify OK", listed.stdout.decode() + listed.stderr.decode())
+
+    def test_an_update_needs_the_authority(self):
+        _, err = self.init("--config", self.config, "--fusion", "f", "--broker", "127.0.0.1", "--update", status=2)
+        self.assertIn("is no folder of `sightline cell init`", err)
+        self.assertFalse(os.path.exists(self.out))
+
     def test_nothing_is_overwritten(self):
         os.mkdir(self.out)
         _, err = self.init("--config", self.config, "--fusion", "f", "--broker", "127.0.0.1", status=2)

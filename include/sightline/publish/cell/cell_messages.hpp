@@ -57,6 +57,7 @@ struct CellTrack {
   int64_t time_utc_ns = 0, last_measured_utc_ns = 0;
   PoseEstimate estimate;
   std::vector<std::string> cameras;  ///< whose measurements were accepted
+  uint64_t term = 0;                 ///< of the cell's holding of the object; 0: it is alone
 };
 
 struct CellHostState {

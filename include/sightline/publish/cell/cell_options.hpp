@@ -23,6 +23,7 @@ constexpr bool fuses(CellRole role) { return role != CellRole::kCameras; }
 struct RemoteCamera {
   std::string name, host;
   uint64_t calibration = 0;  ///< hash of lens and place, which the other host has to have too
+  std::string cell{};        ///< whose host it is: one of `neighbors`; empty: this cell's
 
   bool operator==(const RemoteCamera&) const = default;
 };
@@ -39,6 +40,10 @@ struct CellOptions {
   /// A clock that may be further off is not fit: observations are held back.
   Duration clock_limit = std::chrono::milliseconds(10);
   std::vector<RemoteCamera> cameras;  ///< of the other hosts; their CameraIds follow the own ones
+  /// Names of the cells next to this one, whose messages the broker has too (hand_over.hpp).
+  std::vector<std::string> neighbors{};
+  /// A host that only takes frames estimates by itself while nobody keeps the cell's estimates.
+  bool local = false;
 
   bool enabled() const { return !broker.host.empty(); }
   bool operator==(const CellOptions&) const = default;
@@ -56,6 +61,9 @@ struct CellTopics {
   std::string observation(const std::string& camera, const std::string& object) const {
     return cell + "/cam/" + topic_level(camera) + "/obs/" + topic_level(object);
   }
+  std::string observations_of(const std::string& camera) const {
+    return cell + "/cam/" + topic_level(camera) + "/obs/+";
+  }
   std::string tracks() const { return cell + "/track/+"; }
   std::string track(const std::string& object) const {
     return cell + "/track/" + topic_level(object);
@@ -67,6 +75,8 @@ struct CellTopics {
   std::string host(const std::string& name) const {
     return cell + "/host/" + topic_level(name) + "/state";
   }
+  std::string bids() const { return cell + "/bid/+"; }
+  std::string bid(const std::string& object) const { return cell + "/bid/" + topic_level(object); }
   /// Who keeps the estimates.
   std::string fusion() const { return cell + "/fusion"; }
 };

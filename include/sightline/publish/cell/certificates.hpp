@@ -28,4 +28,9 @@ Result<PemPair> make_authority(const CertificateSubject& subject);
 /// A certificate that `authority` has signed, with a new key.
 Result<PemPair> make_certificate(const CertificateSubject& subject, const PemPair& authority);
 
+/// The certificates (PEM) that `authority` takes back, signed by it, as PEM: who asks for it takes
+/// these no more. It holds for `days`; without one that holds nobody is let in.
+Result<std::string> make_revocation_list(const std::vector<std::string>& revoked,
+                                         const PemPair& authority, int days);
+
 }  // namespace sightline

@@ -23,9 +23,10 @@ enum class CellVerdict : uint8_t {
   kForeign,           ///< of a camera or an object that nobody here knows, or of another host's
   kOtherCalibration,  ///< the host believes the camera to be elsewhere, or of another lens
   kMalformed,         ///< not to be read
-  kClock              ///< this host's own clock is not fit: nobody's times mean anything here
+  kClock,             ///< this host's own clock is not fit: nobody's times mean anything here
+  kSuperseded         ///< of a cell that keeps the object no more: another one does
 };
-inline constexpr size_t kCellVerdicts = 9;
+inline constexpr size_t kCellVerdicts = 10;
 /// "taken", "late", ... as the label of metrics.
 std::string_view to_string(CellVerdict verdict);
 
@@ -44,8 +45,10 @@ class ObservationGate {
     CameraId camera;  ///< the two are set unless foreign
     ObjectId object;
   };
-  /// `fit`: this host's clock; `slack`: how far the two hosts' clocks may be apart.
-  Pass check(const CellObservation& observation, int64_t now_utc_ns, bool fit, Duration slack);
+  /// `fit`: this host's clock; `slack`: how far the two hosts' clocks may be apart; `cell`: at
+  /// whose topic it stood, as RemoteCamera says it.
+  Pass check(const CellObservation& observation, int64_t now_utc_ns, bool fit, Duration slack,
+             std::string_view cell = {});
 
   /// Capture times that are later than now by more than this and the slack are wrong, however
   /// uncertain their host calls them.
@@ -61,7 +64,7 @@ class ObservationGate {
   const std::vector<Camera> cameras_;
   const std::vector<std::string> objects_;
   const Duration age_limit_;
-  std::map<std::string, Host> hosts_;  // those of cameras_ only
+  std::map<std::pair<std::string, std::string>, Host> hosts_;  // by cell and name; of cameras_ only
 };
 
 }  // namespace sightline

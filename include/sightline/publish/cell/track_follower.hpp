@@ -14,6 +14,9 @@ class TrackFollower {
  public:
   TrackFollower(ObjectId object, const MotionNoise& noise) : object_(object), noise_(noise) {}
 
+  /// Forgets what it has; what `before` (null: nothing) says of times before `end` is what was
+  /// known until then.
+  void restart(const PoseTrack* before, Time end);
   /// Takes an estimate; false: it is older than the newest, and nothing changed.
   bool take(const PoseEstimate& estimate);
   /// Tells the time [CLOCK_MONOTONIC, now]; the estimate of a state that silence has changed.
