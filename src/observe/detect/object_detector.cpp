@@ -11,11 +11,13 @@
 #include "observe/detect/detect_constants.hpp"
 #include "observe/detect/detector_frames.hpp"
 #include "observe/detect/judge/detection_judge.hpp"
+#include "observe/detect/judge/measure_twists.hpp"
 #include "observe/detect/judge/weak_detections.hpp"
+#include "observe/detect/plan/search_distances.hpp"
+#include "observe/detect/plan/search_order.hpp"
 #include "observe/detect/pose_fit.hpp"
 #include "observe/detect/pose_scan.hpp"
 #include "observe/detect/pose_verification.hpp"
-#include "observe/detect/search_distances.hpp"
 #include "observe/detect/silhouette_search.hpp"
 #include "observe/detect/template_bank.hpp"
 
@@ -41,7 +43,8 @@ class ObjectDetector::Impl {
         fitter_(model(), executor),
         contours_(bank_, silhouettes_, fitter_, executor),
         judge_(object, options, model().center(), model().radius()),
-        weakly_found_(model().center(), model().radius()) {
+        weakly_found_(model().center(), model().radius()),
+        order_(model().center(), model().radius()) {
     frames_.magnify_where_small(distances_, fitter_.width());
   }
 
@@ -72,7 +75,7 @@ class ObjectDetector::Impl {
 
   Detection detect(const ColorVerifier* colors) {
     Detection out;
-    const Where where = next_where();
+    const Where where = order_.next(frames_, weakly_found_, hint_.has_value());
     if (!frames_.select(where)) return out;
     frames_.compute_responses(distances_.map_margin, DetectorFrames::Edges::kBorders);
     const size_t scanned = scan_.next_camera(frames_, where);
@@ -109,7 +112,7 @@ class ObjectDetector::Impl {
     } else {
       out.by_contour = same_place(out, by_contour);
     }
-    note_searched(where, !out.poses.empty());
+    order_.note(where, !out.poses.empty(), weakly_found_);
     forget_told();
     return out;
   }
@@ -237,29 +240,6 @@ class ObjectDetector::Impl {
  private:
   const ViewpointModel& model() const { return bank_.model(); }
 
-  // What is new, what moves, everything, by turns as long as nothing is found. What waits to be
-  // found again is looked for where it was: what stands still is not among what moves.
-  Where next_where() {
-    if (next_ == Where::kForeground && frames_.show_foreground()) return Where::kForeground;
-    const Detection* waiting = weakly_found_.newest();
-    if (hint_ || (next_ == Where::kEverywhere && waiting == nullptr)) return Where::kEverywhere;
-    if (!frames_.show_motion()) return Where::kEverywhere;
-    const bool rests =
-        waiting != nullptr &&
-        !frames_.moves_at(waiting->poses.front().world_from_object * model().center(),
-                          model().radius());
-    return rests ? Where::kEverywhere : Where::kMotion;
-  }
-
-  void note_searched(Where where, bool found) {
-    const bool waits = weakly_found_.newest() != nullptr;
-    if (found || (where == Where::kEverywhere && !waits)) {
-      next_ = Where::kForeground;
-    } else if (!waits) {
-      next_ = where == Where::kForeground ? Where::kMotion : Where::kEverywhere;
-    }
-  }
-
   void note_hits(const ScanResult& hits, DetectionTrace& trace) const {
     const SearchCamera& camera = frames_.search_cameras()[hits.camera];
     const Rigid3 world_from_camera = camera.camera_from_world.inverse();
@@ -271,21 +251,6 @@ class ObjectDetector::Impl {
         stage.candidates.push_back({world_from_camera * *pose, static_cast<double>(hit.score)});
     }
     trace.stages.push_back(std::move(stage));
-  }
-
-  // Over two detections the motion is known better than between the exposures of one of them.
-  static void measure_twists(const Detection& earlier, Detection& now) {
-    const double seconds = to_seconds(now.time - earlier.time);
-    if (seconds < kMinTwistSeconds) return;
-    for (DetectedPose& pose : now.poses) {
-      const auto before =
-          std::min_element(earlier.poses.begin(), earlier.poses.end(),
-                           [&](const DetectedPose& a, const DetectedPose& b) {
-                             return rotation_angle(a.world_from_object, pose.world_from_object) <
-                                    rotation_angle(b.world_from_object, pose.world_from_object);
-                           });
-      pose.twist = difference(before->world_from_object, pose.world_from_object) / seconds;
-    }
   }
 
   void fit_and_judge(std::span<const RigMotion> starts, std::vector<JudgedPose>& judged) const {
@@ -441,9 +406,9 @@ class ObjectDetector::Impl {
   const DetectionJudge judge_;
   std::optional<ColorTemplates> color_templates_;  ///< made when they are first asked for
   std::optional<SearchHint> hint_;                 ///< for the next detect()
-  std::vector<RigMotion> told_;      ///< what came nearest to such a pose, in these frames
-  Where next_ = Where::kForeground;  ///< or what comes after that in Where, if it is not to be seen
-  WeakDetections weakly_found_;      ///< by contours in the newest searches, not yet believed
+  std::vector<RigMotion> told_;  ///< what came nearest to such a pose, in these frames
+  WeakDetections weakly_found_;  ///< by contours in the newest searches, not yet believed
+  SearchOrder order_;
 };
 
 Result<std::unique_ptr<ObjectDetector>> ObjectDetector::create(

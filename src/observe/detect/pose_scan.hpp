@@ -8,7 +8,7 @@
 
 #include "observe/detect/colors/mesh_colors.hpp"
 #include "observe/detect/detector_frames.hpp"
-#include "observe/detect/search_distances.hpp"
+#include "observe/detect/plan/search_distances.hpp"
 #include "observe/detect/template_bank.hpp"
 
 namespace sightline::observe {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "observe/detect/search_distances.hpp"
+#include "observe/detect/plan/search_distances.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
