@@ -76,6 +76,12 @@ class ObjectHint : public testing::Test {
     return now && !now->empty() && has_pose(now->newest().state);
   }
 
+  // On a busy machine this thread may pause between two cameras; one alone may show it elsewhere,
+  // `degraded`, until a check of all of them.
+  bool found_there() {
+    return known() && translation_distance(track()->newest().world_from_object, truth_) < 0.02;
+  }
+
   Registry registry_;
   HeartbeatBoard beats_;
   System system_;
@@ -86,8 +92,7 @@ class ObjectHint : public testing::Test {
 
 TEST_F(ObjectHint, IsFoundWhereItIsToldAndForgottenWhenTold) {
   EXPECT_TRUE(system_.hint("carton", truth_));
-  ASSERT_TRUE(feed_until([&] { return known(); }));
-  EXPECT_LT(translation_distance(track()->newest().world_from_object, truth_), 0.02);
+  ASSERT_TRUE(feed_until([&] { return found_there(); }));
   EXPECT_TRUE(system_.forget("carton"));
   bool gone = false;
   for (int i = 0; i < 1000 && !gone; ++i) {
@@ -96,8 +101,7 @@ TEST_F(ObjectHint, IsFoundWhereItIsToldAndForgottenWhenTold) {
   }
   EXPECT_TRUE(gone);
   EXPECT_TRUE(system_.hint("carton", truth_));
-  ASSERT_TRUE(feed_until([&] { return known(); })) << "looked for anew";
-  EXPECT_LT(translation_distance(track()->newest().world_from_object, truth_), 0.02);
+  ASSERT_TRUE(feed_until([&] { return found_there(); })) << "looked for anew";
 }
 
 TEST_F(ObjectHint, WhatCannotBeIsRefused) {
