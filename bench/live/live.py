@@ -3,12 +3,12 @@
 """The daemon on recordings in real time, from nothing, judged by what it records itself:
 
     bench/live/live.py [--bin build/release/bin] [--runs N] [--modalities region,edge,texture] [--extra LINES]
-                       [--copies N] [--only CAMERA] [--unplugged CAMERA|first] [--compilers N] [--json] RECORDING ...
+                       [--start SHARE] [--copies N] [--only CAMERA] [--unplugged CAMERA|first] [--compilers N] [--json] RECORDING ...
 
 Each run starts sightlined with the recording's cameras played once at their own pace, lets it record its poses, maps
 their capture times back onto the recording's (frames.csv of both) and compares them with truth.csv or keyframes.csv
 (`sightline evaluate`). Prints a row per run and the medians, with the load average before it: a busy machine finds
-less. --copies: every camera so many times (a rig of twice as many cameras); --only: the rig has this camera of the
+less. --start: each recording begins after this share of it, 0 to 0.9 (bench/offsets.py cuts it); --copies: every camera so many times (a rig of twice as many cameras); --only: the rig has this camera of the
 recording alone; --unplugged: this camera of every recording never gives a frame; --compilers: so many compilers run
 beside it. Exits 0 if every run could be judged, 1 if one could not (standard error says why; the others count), 2 for
 bad input."""
@@ -27,6 +27,7 @@ import tempfile
 import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
+from offsets import cut  # noqa: E402
 from recording_tools import (MODALITIES, evaluate, load_recording, object_text, read_csv,  # noqa: E402
                              recording_parser, up_to_symmetry)
 
@@ -42,6 +43,17 @@ def seen_by(recording, only):
     if only not in recording.videos:
         raise ValueError(f"{recording.name} has no camera '{only}'; its cameras: {', '.join(recording.cameras)}")
     return dataclasses.replace(recording, videos={only: recording.videos[only]})
+
+
+@contextlib.contextmanager
+def begun_later(recording, share, only):
+    """The recording from that share of it on."""
+    if share == 0:
+        yield recording
+        return
+    with tempfile.TemporaryDirectory(prefix="sightline_live.") as folder:
+        whole = load_recording(recording.folder)
+        yield seen_by(cut(whole, pathlib.Path(folder, recording.name), share * whole.seconds), only)
 
 
 def unplugged_camera(recording, wanted):
@@ -251,11 +263,14 @@ def parse_arguments():
     parser.add_argument("--modalities", default=MODALITIES)
     parser.add_argument("--extra", default="", help="further lines of the configuration's head")
     parser.add_argument("--json", action="store_true")
+    parser.add_argument("--start", type=float, default=0, metavar="SHARE")
     parser.add_argument("--copies", type=int, default=1)
     parser.add_argument("--only", default="", metavar="CAMERA")
     parser.add_argument("--unplugged", default="", metavar="CAMERA|first")
     parser.add_argument("--compilers", type=int, default=0)
     options = parser.parse_args()
+    if not 0 <= options.start <= 0.9:
+        parser.error("--start: a share of the recording, 0 to 0.9")
     try:
         options.recordings = [seen_by(recording, options.only) for recording in options.recordings]
         return options, [unplugged_camera(recording, options.unplugged) for recording in options.recordings]
@@ -270,7 +285,8 @@ def main():
           f"{'wrong':>6} {'load':>5}", file=table, flush=True)
     summaries, failures = [], 0
     for recording, camera in zip(options.recordings, unplugged):
-        judged, missed = run_all(recording, camera, options, table)
+        with begun_later(recording, options.start, options.only) as part:
+            judged, missed = run_all(part, camera, options, table)
         summaries += judged
         failures += missed
     if options.json:

@@ -81,8 +81,11 @@ void AngleWorker::run(std::stop_token stop, Heartbeat& heartbeat) {
 
 void AngleWorker::report() {
   const RefinerStatus& now = refiner_->status();
-  const bool says_nothing = now.word == PictureWord::kNone || now.word == PictureWord::kLearning;
-  Counter& frames = now.word == PictureWord::kUsed ? *used_ : says_nothing ? *none_ : *refused_;
+  const bool says_nothing =
+      now.verdict == RefinerVerdict::kNone || now.verdict == RefinerVerdict::kLearning;
+  Counter& frames = now.verdict == RefinerVerdict::kUsed ? *used_
+                    : says_nothing                       ? *none_
+                                                         : *refused_;
   frames.add();
   latency_.set(now.latency_known ? now.latency_s : 0);
   latency_sigma_.set(now.latency_sigma_s);

@@ -15,8 +15,7 @@ using namespace std::chrono_literals;
 namespace {
 
 constexpr Duration kLastEvery = 1s;
-constexpr Duration kDoubtLasts = 1s;     // of a host that says nothing more
-constexpr size_t kMostEstimates = 1024;  // that wait
+constexpr Duration kDoubtLasts = 1s;  // of a host that says nothing more
 
 std::vector<ObservationGate::Camera> gate_cameras(const CellParts& parts) {
   std::vector<ObservationGate::Camera> cameras;
@@ -65,8 +64,7 @@ void CellFusion::push(const PoseEstimate& estimate, FusionWorker::Cause cause) {
   // With neighbors the estimates of frames, too, are passed on to others here once it is known
   // whose they are.
   if (cause == FusionWorker::Cause::kFrame && !neighbors_) return;
-  const std::lock_guard lock(mutex_);
-  if (estimates_.size() < kMostEstimates) estimates_.push_back({estimate, cause});
+  estimates_.push(estimate, cause);
 }
 
 std::vector<uint64_t> CellFusion::verdicts() const {
@@ -93,8 +91,10 @@ void CellFusion::on_observation(std::string_view cell, std::string_view topic,
   if (!observation) return count(CellVerdict::kMalformed, "");
   if (observation->boot == self_.boot && cell.empty()) return;  // for the neighbors
   // Brokers let hosts write topics: what is inside has to be of the same camera and object.
-  const CellTopics& topics = cell.empty() ? topics_ : CellTopics(std::string(cell));
-  if (topic != topics.observation(observation->camera, observation->object)) {
+  const auto wanted = [&](const CellTopics& topics) {
+    return topics.observation(observation->camera, observation->object);
+  };
+  if (topic != (cell.empty() ? wanted(topics_) : wanted(CellTopics(std::string(cell))))) {
     return count(CellVerdict::kForeign, observation->camera);
   }
   const ClockState state = clock.state(now);
@@ -174,13 +174,8 @@ void CellFusion::publish_new(size_t object, MqttClient& client, const ClockWatch
 }
 
 void CellFusion::pass_on(MqttClient* client, const ClockWatch& clock) {
-  std::vector<Estimate> estimates;
-  {
-    const std::lock_guard lock(mutex_);
-    estimates.swap(estimates_);
-  }
   const bool speaks = client != nullptr && claim_.holds();
-  for (const auto& [estimate, cause] : estimates) {
+  for (const auto& [estimate, cause] : estimates_.take()) {
     if (neighbors_) {
       if (neighbors_->shows_own(estimate.object)) parts_.on_estimate(estimate, cause);
       if (cause == FusionWorker::Cause::kFrame || !neighbors_->holds(estimate.object)) continue;

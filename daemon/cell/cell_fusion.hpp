@@ -3,12 +3,12 @@
 
 #include <map>
 #include <memory>
-#include <mutex>
 #include <string_view>
 #include <vector>
 
 #include "cell/cell_neighbors.hpp"
 #include "cell/cell_parts.hpp"
+#include "cell/estimate_queue.hpp"
 #include "cell/fusion_claim.hpp"
 #include "sightline/publish/cell/observation_gate.hpp"
 
@@ -60,12 +60,7 @@ class CellFusion {
 
   /// Which hosts doubt an object's pose, and when they last said so.
   std::vector<std::map<std::string, Time>> doubts_;  // by ObjectId
-  struct Estimate {
-    PoseEstimate estimate;
-    FusionWorker::Cause cause;
-  };
-  std::mutex mutex_;  // guards estimates_
-  std::vector<Estimate> estimates_;
+  EstimateQueue estimates_;
   std::vector<PoseTrackPtr> tracks_, sent_;  // by ObjectId
   std::vector<Time> sent_until_;             // by ObjectId, of estimates that anybody published
   std::unique_ptr<CellNeighbors> neighbors_;

@@ -4,11 +4,6 @@
 #include <algorithm>
 
 namespace sightline {
-namespace {
-
-constexpr size_t kMostEstimates = 1024;  // that wait
-
-}  // namespace
 
 CellLocal::CellLocal(const CellParts& parts, Registry& registry)
     : parts_(parts), runs_(parts.names.objects.size()) {
@@ -24,9 +19,7 @@ void CellLocal::push(const Observation& observation) {
 }
 
 void CellLocal::push(const PoseEstimate& estimate, FusionWorker::Cause cause) {
-  if (!fed_) return;
-  const std::lock_guard lock(mutex_);
-  if (estimates_.size() < kMostEstimates) estimates_.push_back({estimate, cause});
+  if (fed_) estimates_.push(estimate, cause);
 }
 
 void CellLocal::begin(ObjectId object, PoseTrackPtr last) {
@@ -52,13 +45,9 @@ PoseTrackPtr CellLocal::track(ObjectId object) const {
   return std::make_shared<const PoseTrack>(object, std::vector<PoseEstimate>(), parts_.noise);
 }
 
-std::vector<CellLocal::Estimate> CellLocal::take() {
-  std::vector<Estimate> estimates;
-  {
-    const std::lock_guard lock(mutex_);
-    estimates.swap(estimates_);
-  }
-  std::erase_if(estimates, [this](const Estimate& e) { return !runs(e.estimate.object); });
+std::vector<QueuedEstimate> CellLocal::take() {
+  std::vector<QueuedEstimate> estimates = estimates_.take();
+  std::erase_if(estimates, [this](const QueuedEstimate& e) { return !runs(e.estimate.object); });
   return estimates;
 }
 

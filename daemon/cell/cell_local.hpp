@@ -2,10 +2,10 @@
 #pragma once
 
 #include <atomic>
-#include <mutex>
 #include <vector>
 
 #include "cell/cell_parts.hpp"
+#include "cell/estimate_queue.hpp"
 
 namespace sightline {
 
@@ -29,12 +29,8 @@ class CellLocal {
   /// Never null.
   PoseTrackPtr track(ObjectId object) const;
 
-  struct Estimate {
-    PoseEstimate estimate;
-    FusionWorker::Cause cause;
-  };
   /// Of objects that run, since the last call.
-  std::vector<Estimate> take();
+  std::vector<QueuedEstimate> take();
 
  private:
   void note();
@@ -43,8 +39,7 @@ class CellLocal {
   std::vector<char> runs_;  // by ObjectId
   std::atomic<bool> fed_ = false;
   std::vector<Gauge*> shown_;  // by ObjectId
-  std::mutex mutex_;           // guards estimates_
-  std::vector<Estimate> estimates_;
+  EstimateQueue estimates_;
 };
 
 }  // namespace sightline

@@ -41,7 +41,7 @@ void add_angles(const RefinerStatus& status, nlohmann::ordered_json& camera) {
   const char* latency = status.latency_contradicted ? "contradicted"
                         : status.latency_known      ? "known"
                                                     : "unknown";
-  nlohmann::ordered_json json{{"picture", to_string(status.word)},
+  nlohmann::ordered_json json{{"picture", to_string(status.verdict)},
                               {"keyframes", status.keyframes},
                               {"latency", latency},
                               {"latency_sigma_s", hundredths(status.latency_sigma_s)}};

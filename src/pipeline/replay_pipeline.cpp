@@ -158,7 +158,7 @@ FramePtr ReplayPipeline::refine(const FramePtr& frame, Camera& camera) {
   summary_.turn_cpu_ms += process_cpu_ms() - start;
   ++summary_.turned_frames;
   ++camera.asked;
-  camera.refined += camera.refiner->status().word == PictureWord::kUsed ? 1 : 0;
+  camera.refined += camera.refiner->status().verdict == RefinerVerdict::kUsed ? 1 : 0;
   if (const auto news = camera.refiner->news()) {
     log::warning("at {:.1f} s: {}", to_seconds(frame->info().capture.time_since_epoch()), *news);
   }

@@ -112,10 +112,10 @@ TEST(TurnFilter, CountsAReadingOnce) {
   PictureAngles picture;
   picture.angles = still.angles;
   picture.covariance = kImage * kImage * Eigen::Matrix2d::Identity();
-  EXPECT_EQ(filter.learn(still, 0, picture, 0.033, 0), TurnFilter::Lesson::kLearned);
-  EXPECT_EQ(filter.learn(still, 0, picture, 0.033, 0), TurnFilter::Lesson::kNothing);
+  EXPECT_EQ(filter.learn(still, 0, picture, 0.033, 0), TurnFilter::UpdateResult::kApplied);
+  EXPECT_EQ(filter.learn(still, 0, picture, 0.033, 0), TurnFilter::UpdateResult::kNothingNew);
   still.angles.x() += 0.0011;
-  EXPECT_EQ(filter.learn(still, 0, picture, 0.033, 0), TurnFilter::Lesson::kLearned);
+  EXPECT_EQ(filter.learn(still, 0, picture, 0.033, 0), TurnFilter::UpdateResult::kApplied);
 }
 
 TEST(TurnFilter, RefusesWhatContradictsItself) {
@@ -134,7 +134,7 @@ TEST(TurnFilter, RefusesWhatContradictsItself) {
   picture.angles.x() += 0.01;
   EXPECT_FALSE(filter.fuse(encoder, 0, picture));
   const double before = filter.latency();
-  EXPECT_EQ(filter.learn(encoder, 0, picture, 0.033, 0), TurnFilter::Lesson::kContradicted);
+  EXPECT_EQ(filter.learn(encoder, 0, picture, 0.033, 0), TurnFilter::UpdateResult::kContradicted);
   EXPECT_EQ(filter.latency(), before);
 }
 

@@ -63,8 +63,8 @@ Outcome run(const CalibratedCamera& camera, TurningHead& head, int frames, int w
     if (const auto news = refiner->news()) out.news.push_back(*news);
     if (i < warm_up) continue;
     out.status = refiner->status();
-    out.used += out.status.word == PictureWord::kUsed ? 1 : 0;
-    out.refused += out.status.word == PictureWord::kRefused ? 1 : 0;
+    out.used += out.status.verdict == RefinerVerdict::kUsed ? 1 : 0;
+    out.refused += out.status.verdict == RefinerVerdict::kRefused ? 1 : 0;
     out.same += frame == refined ? 1 : 0;
     const Eigen::Vector2d truth = head.truth();
     const Rigid3 camera_truth = camera.axes->world_from_camera(truth.x(), truth.y());
@@ -209,7 +209,7 @@ TEST(AngleRefiner, ObjectsAreLeftOutWhereTheyAreKnownToBe) {
     const std::vector<MovingBox> boxes = {{ObjectId(0), {-0.7, -0.5, 1.0}, {right, 0.5, 1.001}}};
     const FramePtr refined = refiner->step(frame, tracks, boxes);
     if (i < 60) continue;
-    used += refiner->status().word == PictureWord::kUsed ? 1 : 0;
+    used += refiner->status().verdict == RefinerVerdict::kUsed ? 1 : 0;
     const Eigen::Vector2d truth = seeing.truth();
     errors.push_back(rotation_angle(camera.axes->world_from_camera(truth.x(), truth.y()),
                                     refined->info().place->world_from_camera) /
@@ -262,7 +262,7 @@ TEST(AngleRefiner, AnglesThatJumpAreNotBelieved) {
       };
       believed_by_encoder += wrong(frame) ? 1 : 0;
       trusted_wrong += wrong(refined) ? 1 : 0;
-      back += head.now() > 3.8 && refiner->status().word == PictureWord::kUsed ? 1 : 0;
+      back += head.now() > 3.8 && refiner->status().verdict == RefinerVerdict::kUsed ? 1 : 0;
     }
     EXPECT_GT(believed_by_encoder, 15) << jump;
     EXPECT_EQ(trusted_wrong, 0) << jump;
@@ -282,7 +282,7 @@ TEST(AngleRefiner, AnEncoderThatCountsTheOtherWayIsFoundOut) {
     head.spoil = [&](AxisReading& reading) { (pan ? reading.pan : reading.tilt) *= -1; };
     const Outcome r = run(camera, head, 90, 60);
     print(pan ? "pan the other way" : "tilt the other way", r);
-    EXPECT_EQ(r.status.word, PictureWord::kReversed);
+    EXPECT_EQ(r.status.verdict, RefinerVerdict::kReversed);
     ASSERT_FALSE(r.news.empty());
     EXPECT_THAT(r.news[0], testing::HasSubstr(pan ? "pan_scale" : "tilt_scale"));
   }

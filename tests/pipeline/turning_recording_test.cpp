@@ -269,12 +269,12 @@ TEST_F(TurningFaults, ThePictureFindsJumpsAndTheWrongWay) {
   EXPECT_GT(jump.head_trusted, 20);
   EXPECT_LT(jump.head_trusted, 32);
   EXPECT_LT(quantile(jump.turned_px, 0.95), 2.0);
-  EXPECT_EQ(jump.refiner.word, PictureWord::kJumped);
+  EXPECT_EQ(jump.refiner.verdict, RefinerVerdict::kJumped);
   const Frames other = replay(installation(true), [](auto& axes) {
     for (AxisReading& reading : axes) reading.pan = -reading.pan;
   });
   print("other direction, by the picture", other);
-  EXPECT_EQ(other.refiner.word, PictureWord::kReversed);
+  EXPECT_EQ(other.refiner.verdict, RefinerVerdict::kReversed);
   EXPECT_LT(other.head_trusted, 25);
   EXPECT_GT(other.position_mm.size(), 20u);
 }

@@ -7,6 +7,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "observe/terms/opencv_threads.hpp"
+#include "observe/terms/opencv_view.hpp"
 #include "sightline/base/log.hpp"
 
 namespace sightline::observe {
@@ -41,8 +42,7 @@ std::vector<OrbFeature> orb_features(const PlaneView& gray, int x0, int y0, int 
     const cv::Rect box =
         cv::Rect(x0 - kMargin, y0 - kMargin, x1 - x0 + 2 * kMargin, y1 - y0 + 2 * kMargin) & whole;
     if (box.width < 2 * kMargin || box.height < 2 * kMargin) return features;
-    const cv::Mat image(gray.height, gray.width, CV_8UC1, const_cast<uint8_t*>(gray.data),
-                        static_cast<size_t>(gray.stride));
+    const cv::Mat image = opencv_view(gray);
     const int times = gray.width * gray.height <= kMaxDoubled ? 2 : 1;
     cv::Mat part, mask = use ? make_mask(box, use) : cv::Mat();
     cv::resize(image(box), part, {}, times, times, cv::INTER_LINEAR);

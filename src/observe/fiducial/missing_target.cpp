@@ -7,6 +7,7 @@
 
 #include "observe/fiducial/apriltag_detector.hpp"
 #include "observe/fiducial/aruco_detector.hpp"
+#include "observe/terms/opencv_view.hpp"
 #include "sightline/observe/fiducial/target_detector.hpp"
 
 namespace sightline {
@@ -66,8 +67,7 @@ FramePtr mirrored(const Frame& frame) {
 std::string chessboard_size(const CalibrationTarget& target, const Frame& frame) try {
   constexpr int kReach = 2;
   const PlaneView gray = frame.gray();
-  const cv::Mat image(gray.height, gray.width, CV_8UC1, const_cast<uint8_t*>(gray.data),
-                      static_cast<size_t>(gray.stride));
+  const cv::Mat image = opencv_view(gray);
   for (int more = 2 * kReach; more >= -2 * kReach; --more) {
     for (int wider = -kReach; wider <= kReach; ++wider) {
       const int columns = target.columns + wider, rows = target.rows + more - wider;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "observe/fiducial/saddle_corner.hpp"
+#include "observe/terms/opencv_view.hpp"
 
 #include <algorithm>
 #include <opencv2/core.hpp>
@@ -40,8 +41,7 @@ std::optional<Eigen::Vector2d> refine_saddle(const PlaneView& gray, const Saddle
         at.y() <= gray.height - 1 - border)) {
     return std::nullopt;
   }
-  const cv::Mat image(gray.height, gray.width, CV_8UC1, const_cast<uint8_t*>(gray.data),
-                      static_cast<size_t>(gray.stride));
+  const cv::Mat image = opencv_view(gray);
   std::vector<cv::Point2f> points = {{static_cast<float>(at.x()), static_cast<float>(at.y())}};
   cv::cornerSubPix(image, points, {window, window}, {-1, -1},
                    {cv::TermCriteria::EPS | cv::TermCriteria::COUNT, 20, 0.01});

@@ -12,16 +12,12 @@
 #include "observe/fiducial/charuco_corners.hpp"
 #include "observe/fiducial/edge_refine.hpp"
 #include "observe/terms/opencv_threads.hpp"
+#include "observe/terms/opencv_view.hpp"
 
 namespace sightline {
 namespace {
 
 using namespace observe;
-
-cv::Mat as_mat(const PlaneView& gray) {
-  return {gray.height, gray.width, CV_8UC1, const_cast<uint8_t*>(gray.data),
-          static_cast<size_t>(gray.stride)};
-}
 
 class ChessboardTarget : public TargetDetector {
  public:
@@ -29,7 +25,7 @@ class ChessboardTarget : public TargetDetector {
       : columns_(target.columns - 1), rows_(target.rows - 1), window_(window) {}
 
   std::vector<DetectedCorner> detect(const Frame& frame) override try {
-    const cv::Mat image = as_mat(frame.gray());
+    const cv::Mat image = opencv_view(frame.gray());
     std::vector<cv::Point2f> corners;
     if (!cv::findChessboardCorners(image, {columns_, rows_}, corners,
                                    cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE)) {

@@ -9,6 +9,7 @@
 #include <opencv2/video/tracking.hpp>
 
 #include "observe/terms/opencv_threads.hpp"
+#include "observe/terms/opencv_view.hpp"
 #include "observe/turn/panorama_parts.hpp"
 #include "sightline/base/check.hpp"
 
@@ -26,12 +27,6 @@ double median(std::vector<double>& values) {
   const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
-}
-
-cv::Mat wrap(const PlaneView& plane) {
-  return cv::Mat(plane.height, plane.width, CV_8UC1,
-                 const_cast<uint8_t*>(plane.data),  // NOLINT: it is only read
-                 static_cast<size_t>(plane.stride));
 }
 
 }  // namespace
@@ -53,7 +48,7 @@ class Panorama::Impl {
   };
 
   Impl(const CameraModel& model, const CameraAxes& axes);
-  void look_at(const PlaneView& gray, const PlaneView& half, std::span<const LeftOut> left_out);
+  void look_at(const PlaneView& gray, const PlaneView& half, std::span<const MaskPolygon> masked);
   std::optional<PictureAngles> measure(size_t index, const KeyframeView& view,
                                        const Eigen::Vector2d& start);
   bool add(size_t index);
@@ -70,7 +65,7 @@ class Panorama::Impl {
                        static_cast<float>((pixel.y() + 0.5) / scale_ - 0.5));
   }
   bool is_inside(const cv::Point2f& at) const;
-  bool is_left_out(const cv::Point2f& at) const;
+  bool is_masked(const cv::Point2f& at) const;
   void warm_up(Keyframe& keyframe);
   bool find(Keyframe& keyframe, const PanoramaGeometry& geometry);
   Eigen::Vector2d majority(const PanoramaGeometry& geometry);
@@ -92,6 +87,7 @@ class Panorama::Impl {
   std::vector<Track> tracks_;
   std::vector<cv::Point2f> from_, to_;
   std::vector<uint8_t> found_;
+  std::vector<float> errors_;
   std::vector<double> sorted_;
 };
 
@@ -107,11 +103,11 @@ Panorama::Impl::Impl(const CameraModel& model, const CameraAxes& axes)
 }
 
 void Panorama::Impl::look_at(const PlaneView& gray, const PlaneView& half,
-                             std::span<const LeftOut> left_out) {
-  picture_ = wrap(scale_ > 1 ? half : gray);
+                             std::span<const MaskPolygon> masked) {
+  picture_ = opencv_view(scale_ > 1 ? half : gray);
   cv::buildOpticalFlowPyramid(picture_, pyramid_, cv::Size(kWindow, kWindow), kLevels, false);
   hulls_.clear();
-  for (const LeftOut& corners : left_out) {
+  for (const MaskPolygon& corners : masked) {
     if (corners.empty()) continue;
     std::vector<cv::Point2f> points;
     for (const Eigen::Vector2d& corner : corners) points.push_back(looked_at(corner));
@@ -125,7 +121,7 @@ bool Panorama::Impl::is_inside(const cv::Point2f& at) const {
 }
 
 // Half a window beside an outline still sees it.
-bool Panorama::Impl::is_left_out(const cv::Point2f& at) const {
+bool Panorama::Impl::is_masked(const cv::Point2f& at) const {
   return std::any_of(hulls_.begin(), hulls_.end(), [&](const auto& hull) {
     return cv::pointPolygonTest(hull, at, true) > -0.5 * kWindow;
   });
@@ -157,19 +153,18 @@ bool Panorama::Impl::find(Keyframe& keyframe, const PanoramaGeometry& geometry) 
     const auto pixel = geometry.project(point);
     if (!pixel) continue;
     const cv::Point2f at = looked_at(*pixel);
-    if (!is_inside(at) || is_left_out(at)) continue;
+    if (!is_inside(at) || is_masked(at)) continue;
     from_.push_back(point.at);
     to_.push_back(at);
     tracks_.emplace_back().point = &point;
   }
   if (tracks_.size() < static_cast<size_t>(kMinPoints)) return false;
   const cv::TermCriteria stop(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 20, 0.01);
-  std::vector<float> errors;
-  cv::calcOpticalFlowPyrLK(keyframe.pyramid, pyramid_, from_, to_, found_, errors,
+  cv::calcOpticalFlowPyrLK(keyframe.pyramid, pyramid_, from_, to_, found_, errors_,
                            cv::Size(kWindow, kWindow), kLevels, stop, cv::OPTFLOW_USE_INITIAL_FLOW,
                            1e-4);
   for (size_t i = 0; i < tracks_.size(); ++i) {
-    if (found_[i] == 0 || !is_inside(to_[i]) || is_left_out(to_[i])) tracks_[i].point = nullptr;
+    if (found_[i] == 0 || !is_inside(to_[i]) || is_masked(to_[i])) tracks_[i].point = nullptr;
     tracks_[i].pixel = pixel_of(to_[i]);
   }
   return true;
@@ -349,7 +344,7 @@ bool Panorama::Impl::add(size_t index) {
   cv::goodFeaturesToTrack(picture_, corners, 2 * kMaxPoints, quality, apart, cv::noArray(), kBlock);
   Keyframe keyframe;
   for (const cv::Point2f& corner : corners) {
-    if (!is_inside(corner) || is_left_out(corner)) continue;
+    if (!is_inside(corner) || is_masked(corner)) continue;
     const auto ray = model_.unproject(pixel_of(corner));
     if (!ray) continue;
     PanoramaPoint& point = keyframe.points.emplace_back();
@@ -373,8 +368,8 @@ Panorama::Panorama(const CameraModel& model, const CameraAxes& axes)
 Panorama::~Panorama() = default;
 
 void Panorama::look_at(const PlaneView& gray, const PlaneView& half_gray,
-                       std::span<const LeftOut> left_out) {
-  impl_->look_at(gray, half_gray, left_out);
+                       std::span<const MaskPolygon> masked) {
+  impl_->look_at(gray, half_gray, masked);
 }
 std::optional<PictureAngles> Panorama::measure(size_t index, const KeyframeView& view,
                                                const Eigen::Vector2d& start) {

@@ -24,7 +24,7 @@ double square(double x) { return x * x; }
 
 }  // namespace
 
-TurnFilter::TurnFilter(const Options& options) : options_(options), latency_(options.latency_s) {
+TurnFilter::TurnFilter(const Options& options) : options_(options) {
   covariance_.setZero(1, 1);
   covariance_(0, 0) = square(std::max(kLatencySigma, options.latency_sigma_s));
   mean_.setZero(1);
@@ -37,20 +37,20 @@ double TurnFilter::latency_sigma() const { return std::sqrt(std::max(covariance_
 bool TurnFilter::latency_contradicted() const {
   const double both = std::hypot(latency_sigma(), options_.latency_sigma_s);
   return latency_known() &&
-         std::abs(latency_ - options_.latency_s) > kContradiction * both + kTolerance;
+         std::abs(latency() - options_.latency_s) > kContradiction * both + kTolerance;
 }
 
 bool TurnFilter::latency_suspect() const {
   const double both = std::hypot(latency_sigma(), options_.latency_sigma_s);
-  return !latency_known() && std::abs(latency_ - options_.latency_s) > kSuspicion * both;
+  return !latency_known() && std::abs(latency() - options_.latency_s) > kSuspicion * both;
 }
 
 double TurnFilter::used_latency() const {
   if (!latency_known()) return options_.latency_s;
-  if (latency_contradicted()) return latency_;
+  if (latency_contradicted()) return latency();
   const double configured = square(std::max(options_.latency_sigma_s, kLeastConfigured));
   const double share = configured / (configured + covariance_(0, 0));
-  return options_.latency_s + share * (latency_ - options_.latency_s);
+  return options_.latency_s + share * (latency() - options_.latency_s);
 }
 
 double TurnFilter::used_latency_sigma() const {
@@ -145,7 +145,7 @@ Eigen::Matrix<double, 2, 4> TurnFilter::difference_slopes(const EncoderAngles& e
 
 // Along the readings to the latency as it is known now.
 Eigen::Vector2d TurnFilter::at_latency(const EncoderAngles& encoder) const {
-  return encoder.angles + encoder.rates * (latency_ - encoder.latency_s);
+  return encoder.angles + encoder.rates * (latency() - encoder.latency_s);
 }
 
 void TurnFilter::doubt_latency() { covariance_(0, 0) += square(kDoubt); }
@@ -160,7 +160,7 @@ std::optional<TurnedAngles> TurnFilter::fuse(const EncoderAngles& encoder, size_
     const double sigma = latency_known() ? std::max(options_.latency_sigma_s, kLeastConfigured)
                                          : options_.latency_sigma_s;
     const Eigen::Vector4d gain = state.col(0) / (state(0, 0) + square(sigma) + 1e-12);
-    mean = gain * (options_.latency_s - latency_);
+    mean = gain * (options_.latency_s - latency());
     state -= (gain * state.row(0)).eval();
   }
   Eigen::Matrix<double, 2, 4> by_picture = Eigen::Matrix<double, 2, 4>::Zero();
@@ -188,36 +188,37 @@ void TurnFilter::update(double residual, const Eigen::RowVector4d& slopes, doubl
   const State gain = cross / spread;
   mean_ += gain * residual;
   covariance_.noalias() -= gain * cross.transpose();
-  latency_ = mean_(0) = std::clamp(mean_(0), 0.0, kMaxLatency);
+  mean_(0) = std::clamp(mean_(0), 0.0, kMaxLatency);
 }
 
 // A reading that has not moved on says the same again: of a head that stands, rounding does not
 // average out. Where it moves by less than a step between frames it is caught just after a step.
-TurnFilter::Lesson TurnFilter::learn(const EncoderAngles& encoder, size_t keyframe,
-                                     const PictureAngles& picture, double frame_s, double reach_s) {
+TurnFilter::UpdateResult TurnFilter::learn(const EncoderAngles& encoder, size_t keyframe,
+                                           const PictureAngles& picture, double frame_s,
+                                           double reach_s) {
   const auto at = first_of(keyframe);
   const double time = std::clamp(frame_s, 0.0, 1.0);
   covariance_(0, 0) += square(kLatencyDrift) * time;
   covariance_.block<2, 2>(at, at).diagonal().array() += square(kDrift) * time;
   const Eigen::Matrix<double, 2, 4> slopes = difference_slopes(encoder, picture);
-  const Eigen::Vector2d bent = 0.5 * square(reach_s) * encoder.bends;
+  const Eigen::Vector2d bent = 0.5 * square(reach_s) * encoder.accelerations;
   const Eigen::Vector2d variances = encoder.sigmas.cwiseAbs2() + bent.cwiseAbs2();
   Eigen::Matrix2d spread = slopes * block(keyframe) * slopes.transpose() + picture.covariance;
   spread.diagonal() += variances;
   const Eigen::Vector2d apart = picture.angles - at_latency(encoder);
-  if (!(apart.dot(spread.inverse() * apart) < kGate)) return Lesson::kContradicted;
-  Lesson lesson = Lesson::kNothing;
+  if (!(apart.dot(spread.inverse() * apart) < kGate)) return UpdateResult::kContradicted;
+  UpdateResult result = UpdateResult::kNothingNew;
   const Eigen::Vector4d before = part(keyframe);
   for (Eigen::Index axis = 0; axis < 2; ++axis) {
     if (std::abs(encoder.angles(axis) - used_(axis)) < options_.step) continue;
     used_(axis) = encoder.angles(axis);
-    lesson = Lesson::kLearned;
+    result = UpdateResult::kApplied;
     const bool slow = std::abs(encoder.rates(axis)) * time < options_.step;
     const double variance = picture.covariance(axis, axis) + (slow ? kSlow : 1) * variances(axis);
     const double known = slopes.row(axis) * (part(keyframe) - before);
     update(apart(axis) - known, slopes.row(axis), variance, keyframe);
   }
-  return lesson;
+  return result;
 }
 
 }  // namespace sightline

@@ -13,7 +13,7 @@ constexpr Duration kWaits = std::chrono::seconds(1);          // for readings
 constexpr Duration kReadings = std::chrono::seconds(3);       // kept once the latency is known
 constexpr Duration kMostReadings = std::chrono::seconds(60);  // and before
 constexpr size_t kMaxReadings = 8192, kMaxWaiting = 128, kMaxKept = 400;
-constexpr size_t kSettledAfter = 40;     // lessons
+constexpr size_t kSettledAfter = 40;     // updates
 constexpr double kSettledSigma = 0.001;  // [s]
 constexpr double kMoved = 0.0005;        // [s]: taken elsewhere
 constexpr int kTurns = 6;
@@ -66,15 +66,15 @@ std::optional<EncoderAngles> TurnLearner::read(Time capture, double latency_s) c
   if (!here) return std::nullopt;
   const auto before = at(stamp - off, nullptr, nullptr), after = at(stamp + off, nullptr, nullptr);
   const Eigen::Array2d scale(axes_.pan_scale, axes_.tilt_scale);
-  out.bends.setConstant(axes_.acceleration);
+  out.accelerations.setConstant(axes_.acceleration);
   if (before && after) {
-    out.bends += ((*before - 2 * *here + *after) / (kBendOver * kBendOver)).cwiseAbs();
+    out.accelerations += ((*before - 2 * *here + *after) / (kBendOver * kBendOver)).cwiseAbs();
     // Over a longer time the rate is less torn by rounding.
     out.rates = (*after - *before) / (2 * kBendOver);
   }
   out.angles = here->array() * scale;
   out.rates = out.rates.array() * scale;
-  out.bends = out.bends.array() * scale.abs();
+  out.accelerations = out.accelerations.array() * scale.abs();
   const double own = axes_.sigma * axes_.sigma + axes_.backlash * axes_.backlash / 12;
   const double between = axes_.acceleration * step * step / 8;
   out.sigmas = std::sqrt(own + between * between) * scale.abs();
@@ -122,12 +122,12 @@ void TurnLearner::add_picture(Time capture, size_t keyframe, const PictureAngles
 }
 
 // The keyframe may be known better by now than when the picture was measured by it.
-TurnFilter::Lesson TurnLearner::apply(TurnFilter& filter, const Event& event, double latency_s,
-                                      double reach_s) const {
+TurnFilter::UpdateResult TurnLearner::apply(TurnFilter& filter, const Event& event,
+                                            double latency_s, double reach_s) const {
   if (event.kind == Kind::kByEncoder) {
     const auto known = read(event.capture, latency_s);
     filter.add_by_encoder(event.keyframe, known.value_or(event.encoder));
-    return TurnFilter::Lesson::kLearned;
+    return TurnFilter::UpdateResult::kApplied;
   }
   const KeyframeView view = filter.view(event.by);
   PictureAngles picture = event.picture;
@@ -135,10 +135,10 @@ TurnFilter::Lesson TurnLearner::apply(TurnFilter& filter, const Event& event, do
                     picture.by_depth * (view.inverse_depth - event.view.inverse_depth);
   if (event.kind == Kind::kByPicture) {
     filter.add_by_picture(event.keyframe, event.by, picture);
-    return TurnFilter::Lesson::kLearned;
+    return TurnFilter::UpdateResult::kApplied;
   }
   const auto known = read(event.capture, latency_s);
-  if (!known) return TurnFilter::Lesson::kNothing;
+  if (!known) return TurnFilter::UpdateResult::kNothingNew;
   return filter.learn(*known, event.keyframe, picture, event.frame_s, reach_s);
 }
 
@@ -165,8 +165,7 @@ void TurnLearner::learn_anew() {
   }
 }
 
-TurnLearner::Progress TurnLearner::advance() {
-  Progress progress;
+int TurnLearner::advance() {
   while (!waiting_.empty() && !readings_.empty()) {
     Event event = waiting_.front();
     const double latency = keeps_ ? taken_at_ : filter_.latency();
@@ -182,19 +181,17 @@ TurnLearner::Progress TurnLearner::advance() {
     last_ = event.capture;
     const double off = filter_.latency() - latency;
     const double reach = std::hypot(filter_.latency_sigma(), off);
-    const auto lesson = apply(filter_, event, latency, reach);
-    if (lesson == TurnFilter::Lesson::kContradicted) {
+    const auto result = apply(filter_, event, latency, reach);
+    if (result == TurnFilter::UpdateResult::kContradicted) {
       ++contradicted_;
       continue;
     }
     contradicted_ = 0;
-    ++progress.agreed;
-    if (lesson == TurnFilter::Lesson::kNothing || !keeps_) continue;
+    if (result == TurnFilter::UpdateResult::kNothingNew || !keeps_) continue;
     keep(event);
     learn_anew();
   }
-  progress.contradicted = contradicted_;
-  return progress;
+  return contradicted_;
 }
 
 void TurnLearner::forget(bool latency) {

@@ -34,19 +34,19 @@ CameraAxes without_latency_sigma(CameraAxes axes) {
 
 }  // namespace
 
-std::string_view to_string(PictureWord word) {
-  switch (word) {
-    case PictureWord::kNone:
+std::string_view to_string(RefinerVerdict verdict) {
+  switch (verdict) {
+    case RefinerVerdict::kNone:
       return "none";
-    case PictureWord::kLearning:
+    case RefinerVerdict::kLearning:
       return "learning";
-    case PictureWord::kUsed:
+    case RefinerVerdict::kUsed:
       return "used";
-    case PictureWord::kRefused:
+    case RefinerVerdict::kRefused:
       return "refused";
-    case PictureWord::kJumped:
+    case RefinerVerdict::kJumped:
       return "jumped";
-    case PictureWord::kReversed:
+    case RefinerVerdict::kReversed:
       return "reversed";
   }
   return "";
@@ -95,7 +95,7 @@ std::optional<EncoderAngles> AngleRefiner::encoder(Time capture, double latency)
   EncoderAngles out;
   out.angles = {at.pan, at.tilt};
   out.rates = {at.pan_rate, at.tilt_rate};
-  out.bends.setConstant(axes_.acceleration);
+  out.accelerations.setConstant(axes_.acceleration);
   out.sigmas = {at.pan_sigma, at.tilt_sigma};
   out.latency_s = latency;
   return out;
@@ -139,7 +139,7 @@ void AngleRefiner::begin_keyframe(Time capture, const EncoderAngles& encoder,
   learner_.add_keyframe(capture, index, encoder);
   uses_.resize(panorama_.size());
   uses_[index] = now_;
-  status_.word = PictureWord::kLearning;
+  status_.verdict = RefinerVerdict::kLearning;
 }
 
 void AngleRefiner::drop_keyframes(bool latency) {
@@ -222,10 +222,9 @@ CameraPlacePtr AngleRefiner::not_believed(const CameraPlacePtr& from) const {
 // Where both contradict each other nobody knows which of them is wrong: the encoder is believed,
 // and the surroundings are learned anew, later; the second time the latency as well.
 void AngleRefiner::learn(Time capture) {
-  const TurnLearner::Progress progress = learner_.advance();
-  contradicted_ = progress.contradicted;
+  contradicted_ = learner_.advance();
   if (contradicted_ > 0) agreed_since_ = capture;
-  if (progress.contradicted >= kMaxContradictions) {
+  if (contradicted_ >= kMaxContradictions) {
     drop_keyframes(pause_ > kFirstPause);
     paused_until_ = capture + pause_;
     pause_ = std::min(2 * pause_, kLongestPause);
@@ -236,13 +235,13 @@ void AngleRefiner::learn(Time capture) {
 
 void AngleRefiner::look(const Frame& frame, std::span<const PoseTrackPtr> tracks,
                         std::span<const MovingBox> boxes, const Rigid3& camera_from_world) {
-  std::vector<LeftOut> hidden;
+  std::vector<MaskPolygon> hidden;
   for (const MovingBox& box : boxes) {
     if (box.object.index() >= tracks.size() || !tracks[box.object.index()]) continue;
     const PoseAt at = tracks[box.object.index()]->at(frame.info().capture);
     if (at.source == PoseSource::kNone) continue;
     const Rigid3 camera_from_object = camera_from_world * at.estimate.world_from_object;
-    LeftOut corners;
+    MaskPolygon corners;
     for (int i = 0; i < 8; ++i) {
       const Eigen::Vector3d corner((i & 1) != 0 ? box.high.x() : box.low.x(),
                                    (i & 2) != 0 ? box.high.y() : box.low.y(),
@@ -311,7 +310,7 @@ CameraPlacePtr AngleRefiner::by_encoder(Time capture, const CameraPlacePtr& from
 // are fitted to one that seems wrong would be drawn along.
 CameraPlacePtr AngleRefiner::by_picture(const FrameInfo& info, const EncoderAngles& encoder) {
   if (has_jumped(info, encoder)) {
-    status_.word = PictureWord::kJumped;
+    status_.verdict = RefinerVerdict::kJumped;
     return not_believed(info.place);
   }
   const auto found = find(info.capture, encoder);
@@ -319,12 +318,12 @@ CameraPlacePtr AngleRefiner::by_picture(const FrameInfo& info, const EncoderAngl
   if (!found) return nullptr;
   // Readings that have come since know better than those by which this frame is judged.
   if (contradicted_ >= kFewContradictions) {
-    status_.word = PictureWord::kRefused;
+    status_.verdict = RefinerVerdict::kRefused;
     return nullptr;
   }
   if (learner_.filter().latency_suspect()) return nullptr;
   const auto angles = learner_.filter().fuse(encoder, found->keyframe, found->picture);
-  status_.word = angles ? PictureWord::kUsed : PictureWord::kRefused;
+  status_.verdict = angles ? RefinerVerdict::kUsed : RefinerVerdict::kRefused;
   if (!angles) return nullptr;
   held_ = angles->angles;
   held_rates_ = encoder.rates;
@@ -341,15 +340,15 @@ CameraPlacePtr AngleRefiner::by_picture(const FrameInfo& info, const EncoderAngl
 FramePtr AngleRefiner::step(const FramePtr& frame, std::span<const PoseTrackPtr> tracks,
                             std::span<const MovingBox> boxes) {
   const FrameInfo& info = frame->info();
-  status_.word = PictureWord::kNone;
+  status_.verdict = RefinerVerdict::kNone;
   if (!info.place) return frame;
   if (!take_readings(*info.place)) drop_keyframes(false);
   if (!info.place->trusted() || info.status == FrameStatus::kDamaged) {
     learner_.forget_waiting();
     last_found_ = {};
     gap_ = true;
-    if (reversed_) status_.word = PictureWord::kReversed;
-    if (jumped_) status_.word = PictureWord::kJumped;
+    if (reversed_) status_.verdict = RefinerVerdict::kReversed;
+    if (jumped_) status_.verdict = RefinerVerdict::kJumped;
     return frame;
   }
   learn(info.capture);
@@ -365,7 +364,7 @@ FramePtr AngleRefiner::step(const FramePtr& frame, std::span<const PoseTrackPtr>
     out = by_picture(info, *now);
   }
   if (reversed_) {
-    status_.word = PictureWord::kReversed;
+    status_.verdict = RefinerVerdict::kReversed;
     out = not_believed(info.place);
   }
   if (!out) out = by_encoder(info.capture, info.place);
@@ -383,12 +382,12 @@ void AngleRefiner::note_status() {
 }
 
 std::optional<std::string> AngleRefiner::news() {
-  const auto is_bad = [](PictureWord word) {
-    return word == PictureWord::kJumped || word == PictureWord::kReversed;
+  const auto is_bad = [](RefinerVerdict verdict) {
+    return verdict == RefinerVerdict::kJumped || verdict == RefinerVerdict::kReversed;
   };
-  const PictureWord before = std::exchange(told_word_, status_.word);
-  if (is_bad(status_.word) && before != status_.word) {
-    if (status_.word == PictureWord::kJumped) {
+  const RefinerVerdict before = std::exchange(told_verdict_, status_.verdict);
+  if (is_bad(status_.verdict) && before != status_.verdict) {
+    if (status_.verdict == RefinerVerdict::kJumped) {
       return fmt::format(
           "{}: its angles have jumped and its picture has not: it is not measured in until they "
           "agree; look for the encoder's zero",
@@ -400,7 +399,7 @@ std::optional<std::string> AngleRefiner::news() {
         "{}_scale in [camera.axes]",
         camera_.name, axis, axis);
   }
-  if (is_bad(before) && !is_bad(status_.word)) {
+  if (is_bad(before) && !is_bad(status_.verdict)) {
     return fmt::format("{}: its angles are believed again", camera_.name);
   }
   if (status_.latency_contradicted == told_latency_) return std::nullopt;

@@ -213,12 +213,8 @@ Result<CellObservation> decode_observation(std::string_view bytes) {
 
 std::string encode(const CellTrack& track) {
   wire::Track out;
-  out.set_version(kCellVersion);
+  publish::put_sender(track, out);
   out.set_object(track.object);
-  out.set_host(track.host);
-  out.set_boot(track.boot);
-  out.set_sequence(track.sequence);
-  out.set_time_utc_ns(track.time_utc_ns);
   out.set_last_measured_utc_ns(track.last_measured_utc_ns);
   const PoseEstimate& estimate = track.estimate;
   out.set_state(static_cast<uint32_t>(estimate.state));
@@ -239,19 +235,15 @@ std::string encode(const CellTrack& track) {
 Result<CellTrack> decode_track(std::string_view bytes) {
   SL_ASSIGN(const wire::Track in, parse<wire::Track>(bytes));
   CellTrack out;
+  SL_RETURN_IF_ERROR(publish::read_sender(in, out));
   out.object = in.object();
-  out.host = in.host();
-  if (!is_object_name(out.object) || !is_camera_name(out.host)) return refuse("lacks a name");
-  out.boot = in.boot();
-  out.sequence = in.sequence();
-  out.time_utc_ns = in.time_utc_ns();
+  if (!is_object_name(out.object)) return refuse("lacks a name");
   out.last_measured_utc_ns = in.last_measured_utc_ns();
   if (in.state() > static_cast<uint32_t>(TrackState::kLost)) return refuse("has no such state");
   if (in.reasons() > 0xFFFF) return refuse("has no such reasons");
   PoseEstimate& estimate = out.estimate;
   estimate.state = static_cast<TrackState>(in.state());
   estimate.degraded_reasons = static_cast<DegradedReasons>(in.reasons());
-  if (!is_utc(out.time_utc_ns)) return refuse("has a time that is none");
   if (has_pose(estimate.state)) {
     if (!is_utc(out.last_measured_utc_ns)) return refuse("has a time that is none");
     SL_ASSIGN(estimate.world_from_object, pose_of(in.pose()));

@@ -24,12 +24,8 @@ bool is_cell(std::string_view name) {
 
 std::string encode(const CellBid& bid) {
   cell::v1::Bid out;
-  out.set_version(kCellVersion);
+  put_sender(bid, out);
   out.set_object(bid.object);
-  out.set_host(bid.host);
-  out.set_boot(bid.boot);
-  out.set_sequence(bid.sequence);
-  out.set_time_utc_ns(bid.time_utc_ns);
   out.set_state(static_cast<uint32_t>(bid.state));
   out.set_sigma(bid.sigma);
   out.set_holds(bid.holds);
@@ -43,16 +39,13 @@ std::string encode(const CellBid& bid) {
 Result<CellBid> decode_bid(std::string_view bytes) {
   SL_ASSIGN(const cell::v1::Bid in, parse<cell::v1::Bid>(bytes));
   CellBid out;
+  SL_RETURN_IF_ERROR(read_sender(in, out));
   out.object = in.object();
-  out.host = in.host();
-  if (!is_object_name(out.object) || !is_camera_name(out.host)) return refuse("lacks a name");
-  out.boot = in.boot();
-  out.sequence = in.sequence();
-  out.time_utc_ns = in.time_utc_ns();
+  if (!is_object_name(out.object)) return refuse("lacks a name");
   out.from_utc_ns = in.from_utc_ns();
   out.until_utc_ns = in.until_utc_ns();
   const auto is_said = [](int64_t ns) { return ns == 0 || is_utc(ns); };
-  if (!is_utc(out.time_utc_ns) || !is_said(out.from_utc_ns) || !is_said(out.until_utc_ns)) {
+  if (!is_said(out.from_utc_ns) || !is_said(out.until_utc_ns)) {
     return refuse("has a time that is none");
   }
   if (in.state() > static_cast<uint32_t>(TrackState::kLost)) return refuse("has no such state");

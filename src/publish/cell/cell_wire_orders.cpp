@@ -69,11 +69,7 @@ Status read_what(const cell::v1::Order& in, CellOrder& out) {
 
 std::string encode(const CellOrder& order) {
   cell::v1::Order out;
-  out.set_version(kCellVersion);
-  out.set_host(order.host);
-  out.set_boot(order.boot);
-  out.set_sequence(order.sequence);
-  out.set_time_utc_ns(order.time_utc_ns);
+  put_sender(order, out);
   out.set_kind(static_cast<uint32_t>(order.kind));
   out.set_object(order.object);
   if (order.kind == Kind::kHintImage) {
@@ -92,12 +88,7 @@ std::string encode(const CellOrder& order) {
 Result<CellOrder> decode_order(std::string_view bytes) {
   SL_ASSIGN(const cell::v1::Order in, parse<cell::v1::Order>(bytes));
   CellOrder out;
-  out.host = in.host();
-  if (!is_camera_name(out.host)) return refuse("lacks a name");
-  out.boot = in.boot();
-  out.sequence = in.sequence();
-  out.time_utc_ns = in.time_utc_ns();
-  if (!is_utc(out.time_utc_ns)) return refuse("has a time that is none");
+  SL_RETURN_IF_ERROR(read_sender(in, out));
   if (in.kind() < static_cast<uint32_t>(Kind::kHintImage) ||
       in.kind() > static_cast<uint32_t>(Kind::kMark)) {
     return refuse("is of no known kind");

@@ -13,7 +13,7 @@ import unittest
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
 from cell_support import BENCH, MOSQUITTO, CellCase, encode, missing  # noqa: E402
-from support import WAIT_S, Daemon, read_text, sightline, wait_until  # noqa: E402
+from support import WAIT_S, read_text, sightline, wait_until  # noqa: E402
 
 
 def mode_of(path):
@@ -53,17 +53,9 @@ class Init(CellCase):
         return process
 
     def start(self, name, config):
-        before = os.environ["PATH"]
-        os.environ["PATH"] = self.tools + ":" + before
         folder = self.path("run_" + name)
         os.mkdir(folder)
-        try:
-            daemon = Daemon(folder, config)
-        finally:
-            os.environ["PATH"] = before
-        self.addCleanup(daemon.close)
-        daemon.wait_for_word("READY=1")
-        return daemon
+        return self.started(folder, config)
 
     def files(self, host, name, out=None):
         return os.path.join(out or self.out, "hosts", host, name)

@@ -110,6 +110,12 @@ class CellCase(TemporaryFolder):
         config = os.path.join(folder, "sightline.toml")
         with open(config, "w", encoding="utf-8") as file:
             file.write(self.text(name, role, **options))
+        daemon = self.started(folder, config)
+        self.hosts[name] = daemon
+        return daemon
+
+    def started(self, folder, config):
+        """A daemon that runs; it finds the chronyc of the test."""
         before = os.environ["PATH"]
         os.environ["PATH"] = self.tools + ":" + before
         try:
@@ -118,7 +124,6 @@ class CellCase(TemporaryFolder):
             os.environ["PATH"] = before
         self.addCleanup(daemon.close)
         daemon.wait_for_word("READY=1")
-        self.hosts[name] = daemon
         return daemon
 
     def cell(self):

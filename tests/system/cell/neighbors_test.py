@@ -17,7 +17,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
 from cell_support import BENCH, MOSQUITTO, encode, missing  # noqa: E402
 from neighbor_support import NeighborsCase, Truth  # noqa: E402
-from support import WAIT_S, Daemon, read_text, sightline, wait_until  # noqa: E402
+from support import WAIT_S, read_text, sightline, wait_until  # noqa: E402
 
 FRAME_NS = 33_333_333
 POSED = ("tracking", "degraded", "coasting")
@@ -206,7 +206,9 @@ class Init(NeighborsCase):
         for cell, out in enumerate(outs):
             for host, role in (("f", "fusion"), (self.host_of(cell), "cameras")):
                 written = os.path.join(out, "hosts", host, "sightline.toml")
-                daemon = self.started(written)
+                folder = self.path(f"run{len(os.listdir(self.folder))}")
+                os.mkdir(folder)
+                daemon = self.started(folder, written)
                 self.assertEqual(tomllib.loads(read_text(written))["cell"]["role"], role)
                 daemons.append(daemon)
         for cell in (0, 1):
@@ -226,19 +228,6 @@ class Init(NeighborsCase):
         time.sleep(1)
         for kind in ("bid", "observation", "track"):
             self.assertEqual(daemons[0].metric("sightline_cell_messages_total", kind=kind, verdict="malformed"), 0, kind)
-
-    def started(self, config):
-        before = os.environ["PATH"]
-        os.environ["PATH"] = self.tools + ":" + before
-        folder = self.path(f"run{len(os.listdir(self.folder))}")
-        os.mkdir(folder)
-        try:
-            daemon = Daemon(folder, config)
-        finally:
-            os.environ["PATH"] = before
-        self.addCleanup(daemon.close)
-        daemon.wait_for_word("READY=1")
-        return daemon
 
     def test_wrong_usage(self):
         out, err = self.init(0, status=2)

@@ -28,7 +28,7 @@ struct PictureAngles {
 };
 
 /// Corners, in pixels, whose convex hull is left out: something that moves is there.
-using LeftOut = std::vector<Eigen::Vector2d>;
+using MaskPolygon = std::vector<Eigen::Vector2d>;
 
 /// The static surroundings of a camera that turns, as keyframes on the sphere of directions: each
 /// with points of texture, their directions and what is known of their distances (inverse, about
@@ -51,7 +51,7 @@ class Panorama {
   /// camera, `half_gray` its half (used if the picture is wider than 640 px). Both must stay until
   /// the next call.
   void look_at(const PlaneView& gray, const PlaneView& half_gray,
-               std::span<const LeftOut> left_out);
+               std::span<const MaskPolygon> masked);
   /// Whether the next look_at() wants its second argument.
   static bool wants_half(const CameraModel& model) { return model.width() > kFullWidth; }
 

@@ -10,9 +10,9 @@ namespace sightline {
 
 /// What an encoder says of the angles at one time if its readings are late by `latency_s`.
 struct EncoderAngles {
-  Eigen::Vector2d angles = Eigen::Vector2d::Zero();  ///< pan, tilt [rad]
-  Eigen::Vector2d rates = Eigen::Vector2d::Zero();   ///< [rad/s]
-  Eigen::Vector2d bends = Eigen::Vector2d::Zero();   ///< [rad/s^2]: how wrong the rates get
+  Eigen::Vector2d angles = Eigen::Vector2d::Zero();         ///< pan, tilt [rad]
+  Eigen::Vector2d rates = Eigen::Vector2d::Zero();          ///< [rad/s]
+  Eigen::Vector2d accelerations = Eigen::Vector2d::Zero();  ///< [rad/s^2]: how wrong the rates get
   Eigen::Vector2d sigmas = Eigen::Vector2d::Zero();  ///< [rad], without what the latency adds
   double latency_s = 0;
 };
@@ -26,9 +26,9 @@ struct TurnedAngles {
 /// The latency of an encoder, and the angles and mean inverse distances of a panorama's keyframes:
 /// one Kalman filter over all of them (the angles of frames are eliminated). With readings e(s),
 /// frames at t and keyframes k,
-///     angles(t) = e(t + latency) + noise,    angles(t) = picture(k) + by_keyframe * (d angles of
-///     k)
-///                                                     + by_depth * (d inverse depth of k) + noise
+///     angles(t) = e(t + latency) + noise
+///     angles(t) = picture(k) + by_keyframe * d(angles of k) + by_depth * d(inverse depth of k)
+///                 + noise
 /// so their difference measures the state. The latency tells itself apart from the keyframes'
 /// angles once the rate of turning changes, distances from both once a keyframe is seen from other
 /// angles: until then the covariance says so. Nothing is assumed of how the head moves.
@@ -42,7 +42,7 @@ class TurnFilter {
   };
   explicit TurnFilter(const Options& options);
 
-  double latency() const { return latency_; }
+  double latency() const { return mean_(0); }
   double latency_sigma() const;  ///< [s], by what pictures said alone
   /// The latency is known: its sigma is at most kKnownSigma.
   bool latency_known() const { return latency_sigma() <= kKnownSigma; }
@@ -65,15 +65,15 @@ class TurnFilter {
   /// The angles of a frame from both; empty where they contradict each other.
   std::optional<TurnedAngles> fuse(const EncoderAngles& encoder, size_t keyframe,
                                    const PictureAngles& picture) const;
-  enum class Lesson : uint8_t {
-    kLearned,
-    kNothing,      ///< the readings are those that were learned from before
+  enum class UpdateResult : uint8_t {
+    kApplied,
+    kNothingNew,   ///< the readings are those that were learned from before
     kContradicted  ///< by each other: nothing is learned
   };
   /// Learns from a frame whose encoder angles are known by now. `frame_s`: since the frame before
   /// [s]; `reach_s`: how far the latency may be off encoder.latency_s.
-  Lesson learn(const EncoderAngles& encoder, size_t keyframe, const PictureAngles& picture,
-               double frame_s, double reach_s);
+  UpdateResult learn(const EncoderAngles& encoder, size_t keyframe, const PictureAngles& picture,
+                     double frame_s, double reach_s);
   /// Both contradict each other again and again: the latency is less certain.
   void doubt_latency();
 
@@ -100,7 +100,6 @@ class TurnFilter {
   void update(double residual, const Eigen::RowVector4d& slopes, double variance, size_t keyframe);
 
   Options options_;
-  double latency_ = 0;
   Covariance covariance_;  ///< of latency and, by keyframe, pan, tilt, inverse depth
   State mean_;             ///< of the same
   Eigen::Vector2d used_;   ///< angles whose readings were learned from last

@@ -12,8 +12,8 @@ namespace sightline {
 
 /// Feeds a TurnFilter: what pictures say waits for the readings of its time, which come later. As
 /// long as the latency is vague, all that was learned is kept and learned anew whenever it turns
-/// out to be another than what the readings were taken at (an iterated filter: what bends is
-/// linearized where it belongs). Deterministic; one thread at a time.
+/// out to be another than what the readings were taken at (an iterated filter: what accelerations
+/// is linearized where it belongs). Deterministic; one thread at a time.
 class TurnLearner {
  public:
   explicit TurnLearner(const CameraAxes& axes);
@@ -28,11 +28,9 @@ class TurnLearner {
   /// A picture whose angles a keyframe told, by its view as it is now.
   void add_picture(Time capture, size_t keyframe, const PictureAngles& picture);
 
-  struct Progress {
-    int agreed = 0, contradicted = 0;  ///< the latter: in a row, up to now
-  };
-  /// Learns from all whose readings have come.
-  Progress advance();
+  /// Learns from all whose readings have come. Returns how many contradicted each other, in a row
+  /// up to now.
+  int advance();
   /// All keyframes; `latency`: and what is known of that. Otherwise it is a little less certain.
   void forget(bool latency);
   /// What waits for readings.
@@ -50,8 +48,8 @@ class TurnLearner {
     double frame_s = 0;
   };
   std::optional<EncoderAngles> read(Time capture, double latency_s) const;
-  TurnFilter::Lesson apply(TurnFilter& filter, const Event& event, double latency_s,
-                           double reach_s) const;
+  TurnFilter::UpdateResult apply(TurnFilter& filter, const Event& event, double latency_s,
+                                 double reach_s) const;
   void keep(const Event& event);
   void learn_anew();
 

@@ -21,7 +21,7 @@
 namespace sightline {
 
 /// What the picture of a camera that turns has to say of its angles.
-enum class PictureWord : uint8_t {
+enum class RefinerVerdict : uint8_t {
   kNone,      ///< nothing: no texture, most of it moves, or its angles are not known
   kLearning,  ///< it has become a keyframe
   kUsed,      ///< it has refined the angles
@@ -30,11 +30,11 @@ enum class PictureWord : uint8_t {
   kReversed,  ///< the picture turns the other way than the readings: they are not believed
 };
 /// "none", "learning", "used", ...
-std::string_view to_string(PictureWord word);
+std::string_view to_string(RefinerVerdict verdict);
 
 /// Of the newest frame.
 struct RefinerStatus {
-  PictureWord word = PictureWord::kNone;
+  RefinerVerdict verdict = RefinerVerdict::kNone;
   size_t keyframes = 0;
   double latency_s = 0, latency_sigma_s = 0;  ///< of the encoder, by the picture
   bool latency_known = false;                 ///< it is used; until then the configured one is
@@ -124,7 +124,7 @@ class AngleRefiner {
   bool jumped_ = false;
   std::optional<size_t> reversed_;  ///< 0: pan, 1: tilt
   RefinerStatus status_;
-  PictureWord told_word_ = PictureWord::kNone;
+  RefinerVerdict told_verdict_ = RefinerVerdict::kNone;
   bool told_latency_ = false;
 };
 

@@ -8,21 +8,18 @@
 
 #include "observe/detect/detect_constants.hpp"
 #include "observe/terms/opencv_threads.hpp"
+#include "observe/terms/opencv_view.hpp"
 
 namespace sightline::observe {
 namespace {
-
-cv::Mat plane_of(const HalfSizeImage& image, size_t plane) {
-  // OpenCV has no view of what is constant; it is only read.
-  return {image.height, image.width, CV_8UC1, const_cast<uint8_t*>(image.planes[plane].data())};
-}
 
 // Sum over 3 x 3 pixels of what each plane has changed by, their magnitudes added. Averaged before
 // the magnitude is taken, so that noise is less.
 cv::Mat changes(const HalfSizeImage& before, const HalfSizeImage& now) {
   cv::Mat sum, difference, smooth;
   for (size_t plane = 0; plane < 3; ++plane) {
-    cv::subtract(plane_of(now, plane), plane_of(before, plane), difference, cv::noArray(), CV_16S);
+    cv::subtract(opencv_view(now.view(plane)), opencv_view(before.view(plane)), difference,
+                 cv::noArray(), CV_16S);
     cv::boxFilter(difference, smooth, CV_16S, {3, 3}, {-1, -1}, false);
     smooth = cv::abs(smooth);
     if (plane == 0) {
