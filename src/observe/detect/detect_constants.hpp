@@ -28,10 +28,14 @@ constexpr double kMinForegroundShare = 3e-4;  // of the image, to search the for
 // ---- motion ------------------------------------------------------------------------------------
 constexpr Duration kMotionGap = std::chrono::milliseconds(150);  // between images compared, about
 constexpr Duration kMotionAge = std::chrono::seconds(1);         // of what is compared with
-constexpr double kMotionContrast = 16;   // [levels, of all planes] mean over 3 x 3 pixels
-constexpr double kMotionOverMedian = 3;  // noise everywhere does not move
-constexpr int kMotionMargin = 4;         // [half-size px] edges so near to what has changed count
-constexpr double kMinMotionShare = 5e-4, kMaxMotionShare = 0.4;  // of the image
+constexpr double kMotionContrast = 16;    // [levels, of all planes] mean over 3 x 3 pixels
+constexpr double kMotionOverMedian = 3;   // noise everywhere does not move
+constexpr int kMotionMargin = 4;          // [half-size px] edges so near to what has changed count
+constexpr double kMinMotionShare = 5e-4;  // of the image
+// Of its cells of so many half-size pixels, those in which anything moves: up to 0.25 before
+// cameras that stand still (two, crate, sprayer, desk), 0.43 to 0.75 before one in a hand (dragon).
+constexpr int kMotionCell = 16;
+constexpr double kMaxMovingCells = 0.35;
 
 // ---- scan --------------------------------------------------------------------------------------
 constexpr double kMapShrink = 4;        // image pixels per pixel of the response maps

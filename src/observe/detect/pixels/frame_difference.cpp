@@ -44,6 +44,19 @@ double least_change(const cv::Mat& changes) {
   return std::max(9 * kMotionContrast, kMotionOverMedian * *middle);
 }
 
+// Of cells of the image, those in which anything has moved: of a camera that is carried the edges
+// alone change, but everywhere.
+double share_of_cells(const cv::Mat& moved) {
+  int cells = 0, moving = 0;
+  for (int y = 0; y + kMotionCell <= moved.rows; y += kMotionCell) {
+    for (int x = 0; x + kMotionCell <= moved.cols; x += kMotionCell) {
+      ++cells;
+      moving += cv::countNonZero(moved(cv::Rect(x, y, kMotionCell, kMotionCell))) > 0 ? 1 : 0;
+    }
+  }
+  return moving / static_cast<double>(std::max(1, cells));
+}
+
 }  // namespace
 
 void FrameDifference::remember(HalfSizeImage& image, Time capture) {
@@ -71,7 +84,7 @@ bool FrameDifference::find(const HalfSizeImage& now, Time capture,
   const cv::Mat change = changes(before.image, now);
   const cv::Mat moved = change > least_change(change);
   const double share = cv::countNonZero(moved) / static_cast<double>(moved.total());
-  if (share < kMinMotionShare || share > kMaxMotionShare) return false;
+  if (share < kMinMotionShare || share_of_cells(moved) > kMaxMovingCells) return false;
   const int side = 2 * kMotionMargin + 1;
   mask.resize(moved.total());
   cv::Mat out(moved.rows, moved.cols, CV_8UC1, mask.data());
