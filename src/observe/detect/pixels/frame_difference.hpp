@@ -20,7 +20,7 @@ class FrameDifference {
 
   /// 1 for every pixel of `now` so near to a change that edges of what moves are there. False, and
   /// `mask` is empty: hardly anything has changed, or most of the image (a lamp, a camera that is
-  /// carried), or there is nothing to compare with. About 0.5 ms (640x480).
+  /// carried), or there is nothing to compare with.
   bool find(const HalfSizeImage& now, Time capture, std::vector<uint8_t>& mask) const;
 
  private:
