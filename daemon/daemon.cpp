@@ -233,6 +233,10 @@ void Daemon::tell_waits() {
   wait_report_.tell(waits(), MonotonicClock::now());
   const auto system = system_.read();
   report_gauges(*system, *context_.recordings, registry_);
+  if (!system->cell) return;
+  std::vector<bool> away;
+  for (const auto& camera : system->cameras) away.push_back(!camera->status().present);
+  system->cell->set_away(std::move(away));
 }
 
 std::vector<std::string> Daemon::stalled() const {

@@ -64,7 +64,8 @@ class Daemon {
   /// What makes no progress; the watchdog is fed while this is empty.
   std::vector<std::string> stalled() const;
   /// Tells in log and metrics what has been waiting for a device or a disk, and in metrics how
-  /// full queues are and how well objects are known; call it about twice a second, from one thread.
+  /// full queues are and how well objects are known, and the cell which cameras give no frames;
+  /// call it about twice a second, from one thread.
   void tell_waits();
   /// All cameras play recordings to their end and have got there.
   bool ended() const;

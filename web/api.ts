@@ -17,11 +17,19 @@ export interface Pose {
 export interface Sight { camera: string; sees: boolean; share: number; changes_in_s?: number }
 export interface SeenObject extends Pose { name: string; points?: { rms_mm: number; contradicts: boolean }; zones?: string[]; sight?: Sight[] }
 export interface PoseEvent extends Pose { object: string; covariance?: number[] }
+export interface CellHost {
+  host: string; role: string; online: boolean; clock_fit: boolean; clock_bound_s: number; clock: string; page?: string;
+  cameras: string[]; cameras_away?: string[];
+}
+export interface Cell {
+  name: string; host: string; broker: string; connected: boolean; problem?: string; fusion: string; refused: boolean; hosts: CellHost[];
+  neighbors?: { cell: string; fusion: string }[]; objects?: { name: string; cell: string }[];
+}
 export interface State {
   name: string; utc_ns: number; webrtc: boolean; config: { file: string; content: string; loaded: string; refused?: { at: string; problem: string } };
   recording?: { state: string; folder?: string; problem?: string };
   waiting?: { thread: string; for: string; since: string }[];
-  cameras: Camera[]; virtual_cameras: VirtualCamera[]; objects: SeenObject[];
+  cell?: Cell; cameras: Camera[]; virtual_cameras: VirtualCamera[]; objects: SeenObject[];
 }
 
 /** What is there, or null. */

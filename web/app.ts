@@ -2,6 +2,7 @@
 // The page: follows the daemon's events and pictures, and lets an operator say where to look.
 
 import { Camera, follow, order, PoseEvent, SeenObject, State, VirtualCamera } from "./api";
+import { CellPanel } from "./cell";
 import { byId, setText, show } from "./dom";
 import { EventList } from "./events";
 import { ObjectCard } from "./objects";
@@ -33,8 +34,10 @@ class Page {
   private readonly events = new EventList();
   private readonly overlay = new OverlayPanel((text) => this.tell(text));
   private readonly rig = new RigPanel((text) => this.tell(text));
+  private readonly cell = new CellPanel();
   private fetched = "";
   private readonly since = new Map<string, { state: string; time: number }>();
+  private wanted = new URLSearchParams(location.search).get("camera") ?? "";  // enlarged once it is there: another host's page says which
   private one = "";         // the camera that is enlarged
   private pointing = "";    // the object that is pointed at
   private clock = Infinity; // [ms] this machine's clock before the daemon's, with the shortest way so far
@@ -84,6 +87,7 @@ class Page {
     this.scene.takeState(state);
     this.overlay.takeState(state);
     this.rig.takeState(state);
+    this.cell.takeState(state);
     this.refresh();
   }
 
@@ -130,6 +134,10 @@ class Page {
       byId("tiles").append(tile.element);
     }
     if (this.one && !names.includes(this.one)) this.one = "";
+    if (names.includes(this.wanted)) {
+      this.enlarge(this.wanted);
+      this.wanted = "";
+    }
     this.watch();
   }
 

@@ -30,7 +30,7 @@ struct StatusOptions {
 };
 
 Result<CellSurvey> listen(const CellOptions& cell, Duration span) {
-  CellSurvey survey(cell.name);
+  CellSurvey survey(cell.name, cell.neighbors);
   MqttSession session;
   session.subscriptions = survey.subscriptions();
   session.on_message = [&survey](std::string_view topic, std::string_view payload, bool) {
@@ -72,12 +72,14 @@ Json host_json(const std::string& name, const CellSurvey::Host& host, const Cell
             {"clock_bound_s", to_seconds(host.state.clock_bound)},
             {"clock", host.state.clock},
             {"cameras", Json::array()}};
+  if (!host.state.page.empty()) json["page"] = host.state.page;
   for (const CellHostState::Camera& camera : host.state.cameras) {
     const auto heard = survey.cameras().find(camera.name);
     const bool any = heard != survey.cameras().end();
     Json entry{{"name", camera.name}, {"observations", any ? heard->second.observations : 0}};
     entry["rate_hz"] = any ? static_cast<double>(heard->second.observations) / seconds : 0;
     if (any) entry["oldest_s"] = to_seconds(heard->second.oldest);
+    entry["away"] = camera.away;
     json["cameras"].push_back(std::move(entry));
   }
   return json;
@@ -102,6 +104,14 @@ void print_json(const CellOptions& cell, const CellSurvey& survey, double second
                                {"state", std::string(to_string(object.state))},
                                {"tracks", object.tracks},
                                {"cameras", object.cameras}});
+  }
+  for (const auto& [name, neighbor] : survey.neighbors()) {
+    Json objects = Json::array();
+    for (const auto& [object, holds] : neighbor.bids) {
+      objects.push_back({{"object", object}, {"publishes", holds}});
+    }
+    json["neighbors"].push_back(
+        {{"cell", name}, {"fusion", neighbor.fusion}, {"objects", std::move(objects)}});
   }
   fmt::print("{}\n", json.dump(2));
 }
@@ -128,6 +138,15 @@ void print_table(const CellOptions& cell, const CellSurvey& survey, double secon
   for (const auto& [name, object] : survey.objects()) {
     fmt::print("object {}: {}, {:.0f} estimates a second, by {}\n", name, to_string(object.state),
                static_cast<double>(object.tracks) / seconds, fmt::join(object.cameras, ", "));
+  }
+  for (const auto& [name, neighbor] : survey.neighbors()) {
+    std::vector<std::string> objects;
+    for (const auto& [object, holds] : neighbor.bids) {
+      objects.push_back(holds ? object + " (publishes it)" : object);
+    }
+    fmt::print("next cell {}: {} keeps the estimates; sees {}\n", name,
+               neighbor.fusion.empty() ? "nobody" : neighbor.fusion,
+               objects.empty() ? "none of the objects here" : fmt::format("{}", fmt::join(objects, ", ")));
   }
   std::string counts;
   const size_t known = std::min(survey.verdicts().size(), kCellVerdicts);

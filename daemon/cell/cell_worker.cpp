@@ -135,6 +135,16 @@ CellStatus CellWorker::status() const {
   return status_;
 }
 
+void CellWorker::set_away(std::vector<bool> away) {
+  const std::lock_guard lock(mutex_);
+  away_ = std::move(away);
+}
+
+std::vector<bool> CellWorker::away() const {
+  const std::lock_guard lock(mutex_);
+  return away_;
+}
+
 CellHostState CellWorker::own_state(bool online) const {
   CellHostState state;
   state.host = self_.host;
@@ -143,6 +153,11 @@ CellHostState CellWorker::own_state(bool online) const {
   state.role = parts_.options.role;
   state.since_utc_ns = self_.since_utc_ns;
   state.cameras = parts_.cameras;
+  const std::vector<bool> missing = away();
+  for (size_t i = 0; i < std::min(missing.size(), state.cameras.size()); ++i) {
+    state.cameras[i].away = missing[i];
+  }
+  state.page = parts_.options.page;
   const ClockState clock = clock_.state(MonotonicClock::now());
   state.clock_bound = clock.bound;
   state.clock_fit = clock.fit;
@@ -371,6 +386,7 @@ void CellWorker::step_fusion(MqttClient* client, Time now) {
 
 void CellWorker::note_status(bool connected, Time now) {
   next_status_ = now + kStatusEvery;
+  CellHostState own = own_state(connected);
   const std::lock_guard lock(mutex_);
   status_.refused = fusion_ && !fusion_->claim().other().empty();
   status_.fusion = !fusion_                   ? cameras_->fusion(topics_.cell)
@@ -378,7 +394,7 @@ void CellWorker::note_status(bool connected, Time now) {
                                               : fusion_->claim().other();
   status_.clock = clock_.state(now);
   status_.hosts.clear();
-  status_.hosts.push_back(own_state(connected));
+  status_.hosts.push_back(std::move(own));
   for (const auto& [name, state] : hosts_) {
     if (name != self_.host) status_.hosts.push_back(state);
   }
@@ -395,12 +411,14 @@ void CellWorker::note_status(bool connected, Time now) {
 
 void CellWorker::say_state(MqttClient& client, Time now) {
   const ClockState clock = clock_.state(now);
-  if (said_clock_ && same_clock(*said_clock_, clock)) return;
+  std::vector<bool> missing = away();
+  if (said_clock_ && same_clock(*said_clock_, clock) && missing == said_away_) return;
   if (said_clock_ && said_clock_->fit != clock.fit) {
     log::warning({.cause = "clock"}, "cell: the clock is {}: {}", clock.fit ? "fit" : "not fit",
                  clock.text);
   }
   said_clock_ = clock;
+  said_away_ = std::move(missing);
   (void)client.publish(topics_.host(self_.host), encode(own_state(true)), true, 1);
 }
 

@@ -57,6 +57,9 @@ class CellWorker {
   /// the broker is away.
   Status order(CellOrder order);
 
+  /// Which of this host's cameras give no frames, by CameraId: the other hosts show it. Any thread.
+  void set_away(std::vector<bool> away);
+
   CellStatus status() const;
   const CellOptions& options() const { return parts_.options; }
 
@@ -78,6 +81,7 @@ class CellWorker {
   void read_clocks(Time now);
   void say_state(MqttClient& client, Time now);
   CellHostState own_state(bool online) const;
+  std::vector<bool> away() const;
   void note_status(bool connected, Time now);
   void note(bool connected, const std::string& problem);
 
@@ -101,10 +105,12 @@ class CellWorker {
   uint64_t beat_ = 0;                           // of our own claims
   bool greet_ = false;                          // just connected
   std::optional<ClockState> said_clock_;
+  std::vector<bool> said_away_;
   std::string told_other_;
   Time next_clock_{}, next_status_{};
-  mutable std::mutex mutex_;  // guards status_
+  mutable std::mutex mutex_;  // guards status_ and away_
   CellStatus status_;
+  std::vector<bool> away_;  // by CameraId; shorter: not known yet
   WatchedThread thread_;
 };
 

@@ -162,8 +162,11 @@ Json cell_json(const CellWorker& cell, const std::vector<std::string>& objects) 
                {"clock_bound_s", to_seconds(host.clock_bound)},
                {"clock", host.clock},
                {"cameras", Json::array()}};
-    for (const CellHostState::Camera& camera : host.cameras)
+    if (!host.page.empty()) entry["page"] = host.page;
+    for (const CellHostState::Camera& camera : host.cameras) {
       entry["cameras"].push_back(camera.name);
+      if (camera.away) entry["cameras_away"].push_back(camera.name);
+    }
     json["hosts"].push_back(std::move(entry));
   }
   if (status.neighbors.empty()) return json;

@@ -52,6 +52,7 @@ class InstallationReader {
     section("points", result_.points);
     section("estimator", result_.estimator);
     config::read_servers(root_, path_, files_, result_);
+    config::name_page(result_);
     section("encoder", result_.encoder);
     read_record();
     config::read_zones(root_, path_, files_, result_);

@@ -110,7 +110,27 @@ void read_cell(TomlTable& root, const std::filesystem::path& path, const Install
   } else if (!cell.broker.key.empty() && cell.broker.ca_file.empty()) {
     table->problem("certificate", "needs ca_file, which makes the connection TLS");
   }
+  if (!cell.page.empty() && !is_page_address(cell.page)) {
+    table->problem("page", "address of this host's page, as in \"https://hall-2.example:9754/\"");
+  }
   table->finish();
+}
+
+void name_page(Installation& installation) {
+  const HttpConfig& http = installation.http;
+  CellOptions& cell = installation.cell;
+  const std::string& address = http.server.address;
+  if (!cell.enabled() || !cell.page.empty() || !http.enabled || http.server.port == 0 ||
+      is_loopback_address(address)) {
+    return;
+  }
+  const bool any = address == "0.0.0.0" || address == "::";
+  const bool v6 = address.find(':') != std::string::npos;
+  std::string host = any ? machine_name() : v6 ? "[" + address + "]" : address;
+  if (!http.server.names.empty()) host = http.server.names.front();
+  const std::string page = fmt::format("{}://{}:{}/", http.server.tls.any() ? "https" : "http",
+                                       host, http.server.port);
+  if (is_page_address(page)) cell.page = page;
 }
 
 bool is_remote(TomlTable& camera, const Installation& installation, RemoteCamera& remote) {

@@ -274,6 +274,7 @@ void visit(Visitor& v, CellOptions& s) {
   v.seconds("clock_bound", s.clock_bound, 1e-6, 1);
   v.seconds("clock_limit", s.clock_limit, 1e-6, 1);
   v.flag("local", s.local);
+  v.text("page", s.page);
 }
 
 template <typename Visitor>

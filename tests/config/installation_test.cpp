@@ -99,6 +99,25 @@ cell = "site/a"
   EXPECT_EQ(installation.cell.neighbors, (std::vector<std::string>{"site/b", "site/c"}));
 }
 
+TEST(Installation, OtherHostsAreToldWhereThePageIs) {
+  if (!cell_available()) GTEST_SKIP();
+  const auto page = [](const std::string& cell, const std::string& http) {
+    return parsed("calibration = \"calibration.toml\"\n[cell]\nbroker = \"b\"\nhost = \"f\"\n" + cell +
+                  "[http]\n" + http + "[[camera]]\nname = \"left\"\nsource = \"replay:rec\"\n")
+        .cell.page;
+  };
+  EXPECT_EQ(page("", ""), "") << "loopback";
+  EXPECT_EQ(page("", "address = \"10.0.0.7\"\nopen = true\nport = 80\n"), "http://10.0.0.7:80/");
+  EXPECT_EQ(page("", "address = \"::\"\nopen = true\nport = 81\nnames = [\"hall.example\"]\n"),
+            "http://hall.example:81/");
+  EXPECT_EQ(page("page = \"https://front.example/hall/\"\n", ""), "https://front.example/hall/");
+  const auto wrong = parse(
+      "calibration = \"calibration.toml\"\n[cell]\nbroker = \"b\"\npage = \"javascript:1\"\n"
+      "[[camera]]\nname = \"left\"\nsource = \"replay:rec\"\n");
+  ASSERT_FALSE(wrong);
+  EXPECT_NE(wrong.error().text.find("page"), std::string::npos) << wrong.error().text;
+}
+
 TEST(Installation, AFusionHostNeedsNoCamera) {
   if (!cell_available()) GTEST_SKIP();
   const std::string head =

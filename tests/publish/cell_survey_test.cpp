@@ -3,6 +3,8 @@
 
 #include <gmock/gmock.h>
 
+#include "sightline/publish/cell/cell_bid.hpp"
+
 namespace sightline {
 namespace {
 
@@ -24,13 +26,16 @@ class Survey : public testing::Test {
     state.clock_fit = true;
     return state;
   }
-  void host(const CellHostState& state) {
-    survey_.hear("hall/host/" + state.host + "/state", encode(state), kNow);
+  void host(const CellHostState& state) { host(state, survey_); }
+  static void host(const CellHostState& state, CellSurvey& survey) {
+    survey.hear("hall/host/" + state.host + "/state", encode(state), kNow);
   }
-  void claim(CellHostState state, uint64_t beat) {
+  void claim(const CellHostState& state, uint64_t beat) { claim("hall", state, beat, survey_); }
+  static void claim(const std::string& cell, CellHostState state, uint64_t beat,
+                    CellSurvey& survey) {
     state.beat = beat;
     state.observations = {7, 1};
-    survey_.hear("hall/fusion", encode(state), kNow);
+    survey.hear(cell + "/fusion", encode(state), kNow);
   }
   CellSurvey survey_{"hall"};
 };
@@ -83,6 +88,43 @@ TEST_F(Survey, ObservationsAreCountedByCamera) {
   EXPECT_EQ(survey_.cameras().at("left").oldest, std::chrono::milliseconds(25));
   EXPECT_EQ(survey_.malformed(), 2U);
   EXPECT_THAT(survey_.faults(), testing::Contains(HasSubstr("camera right of host a: no observ")));
+}
+
+TEST_F(Survey, CamerasWithoutFramesAreNamed) {
+  host(state("f", 3));
+  claim(state("f", 3), 1);
+  claim(state("f", 3), 2);
+  CellHostState a = state("a", 4);
+  a.role = CellRole::kCameras;
+  a.cameras = {{"left", 1, true}};
+  host(a);
+  EXPECT_THAT(survey_.faults(), ElementsAre("camera left of host a gives no frames"));
+}
+
+TEST_F(Survey, NeighborsAreHeard) {
+  CellSurvey survey("hall", {"yard"});
+  host(state("f", 3), survey);
+  claim("hall", state("f", 3), 1, survey);
+  claim("hall", state("f", 3), 2, survey);
+  claim("yard", state("y", 8), 5, survey);  // kept by the broker, perhaps of one that is dead
+  EXPECT_THAT(survey.faults(), ElementsAre(HasSubstr("cell yard next to this one: nobody keeps")));
+  claim("yard", state("y", 8), 6, survey);
+  EXPECT_EQ(survey.neighbors().at("yard").fusion, "y");
+  EXPECT_THAT(survey.faults(), IsEmpty());
+  CellBid bid;
+  bid.object = std::string("carton");
+  bid.host = std::string("y");
+  bid.time_utc_ns = bid.from_utc_ns = kNow;
+  bid.term = 1;
+  bid.holds = true;
+  survey.hear("yard/bid/carton", encode(bid), kNow);
+  survey.hear("yard/bid/other", encode(bid), kNow);  // at another one's topic
+  EXPECT_THAT(survey.neighbors().at("yard").bids, ElementsAre(testing::Pair("carton", true)));
+  EXPECT_EQ(survey.malformed(), 1U);
+  CellHostState will = state("y", 8);
+  will.online = false;
+  claim("yard", will, 0, survey);
+  EXPECT_EQ(survey.neighbors().at("yard").fusion, "");
 }
 
 }  // namespace

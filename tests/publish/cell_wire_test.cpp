@@ -180,15 +180,33 @@ TEST(CellWire, ALostObjectHasNoPose) {
 
 TEST(CellWire, StatesComeBack) {
   const CellHostState s{"hall-2",      5,   true, CellRole::kCameras, 1'700'000'000'000'000'000,
-                        {{"left", 8}}, 1ms, true, "chrony",           7,
+                        {{"left", 8, true}}, 1ms, true, "chrony", "https://hall-2:9754/", 7,
                         {9, 1}};
   const auto again = decode_host_state(encode(s));
   ASSERT_TRUE(again);
   EXPECT_EQ(encode(*again), encode(s));
   EXPECT_EQ(again->role, CellRole::kCameras);
-  EXPECT_EQ(again->cameras.at(0).calibration, 8U);
+  EXPECT_EQ(again->cameras, s.cameras);
+  EXPECT_EQ(again->page, s.page);
   EXPECT_EQ(again->beat, 7U);
   EXPECT_EQ(again->observations, s.observations);
+}
+
+// Other hosts show it as a link.
+TEST(CellWire, RefusesPagesThatAreNone) {
+  CellHostState s;
+  s.host = std::string("hall-2");
+  s.since_utc_ns = 1'700'000'000'000'000'000;
+  for (const char* page : {"", "http://[::1]:9754/", "https://hall-2.example/x?y=1"}) {
+    s.page = page;
+    EXPECT_TRUE(decode_host_state(encode(s))) << page;
+  }
+  for (const std::string& page :
+       {std::string("javascript:alert(1)"), std::string("https://"), std::string("http://a b/"),
+        std::string("http://a\"onclick=1"), "http://" + std::string(300, 'a')}) {
+    s.page = page;
+    EXPECT_FALSE(decode_host_state(encode(s))) << page;
+  }
 }
 
 // One host's odd text must not cost the others their own state.

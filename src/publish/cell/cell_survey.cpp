@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "sightline/publish/cell/cell_bid.hpp"
+
 namespace sightline {
 namespace {
 
@@ -17,13 +19,20 @@ Entry* entry(std::map<std::string, Entry>& map, const std::string& name) {
 }  // namespace
 
 std::vector<MqttSession::Subscription> CellSurvey::subscriptions() const {
-  return {{topics_.hosts(), 1},
-          {topics_.fusion(), 1},
-          {topics_.observations(), 0},
-          {topics_.tracks(), 0}};
+  std::vector<MqttSession::Subscription> all{{topics_.hosts(), 1},
+                                             {topics_.fusion(), 1},
+                                             {topics_.observations(), 0},
+                                             {topics_.tracks(), 0}};
+  for (const auto& [name, neighbor] : neighbors_) {
+    const CellTopics topics(name);
+    all.push_back({topics.fusion(), 1});
+    all.push_back({topics.bids(), 0});
+  }
+  return all;
 }
 
 void CellSurvey::hear(std::string_view topic, std::string_view payload, int64_t now_utc_ns) {
+  if (hear_neighbor(topic, payload)) return;
   if (topic == topics_.fusion()) return hear_claim(payload);
   if (topic.starts_with(topics_.cell + "/host/")) return hear_host(topic, payload);
   if (topic.starts_with(topics_.cell + "/track/")) {
@@ -55,6 +64,43 @@ void CellSurvey::hear_host(std::string_view topic, std::string_view payload) {
   host->state = *state;
   // The last will of a host that kept the estimates stands in its claim.
   if (claim_ && claim_->boot == state->boot && !claim_->online) host->state.online = false;
+}
+
+void CellSurvey::hear_bid(const CellTopics& topics, std::string_view topic,
+                          std::string_view payload, Neighbor& neighbor) {
+  const auto bid = decode_bid(payload);
+  bool* const holds =
+      bid && topic == topics.bid(bid->object) ? entry(neighbor.bids, bid->object) : nullptr;
+  if (holds == nullptr) return void(++malformed_);
+  *holds = bid->holds;
+}
+
+void CellSurvey::hear_claim_of(Neighbor& neighbor, std::string_view payload) {
+  const auto claim = decode_host_state(payload);
+  if (!claim) return void(++malformed_);
+  const bool again = neighbor.boot == claim->boot && claim->beat > neighbor.beat;
+  if (!claim->online) {
+    neighbor.fusion.clear();
+  } else if (again) {
+    neighbor.fusion = claim->host;
+  }
+  neighbor.boot = claim->boot;
+  neighbor.beat = claim->beat;
+}
+
+// False: the message is this cell's own.
+bool CellSurvey::hear_neighbor(std::string_view topic, std::string_view payload) {
+  for (auto& [name, neighbor] : neighbors_) {
+    const CellTopics topics(name);
+    if (!topic.starts_with(name + "/")) continue;
+    if (topic == topics.fusion()) {
+      hear_claim_of(neighbor, payload);
+    } else {
+      hear_bid(topics, topic, payload, neighbor);
+    }
+    return true;
+  }
+  return false;
 }
 
 // Once is not enough: brokers keep what the dead have said.
@@ -92,10 +138,19 @@ std::vector<std::string> CellSurvey::faults() const {
       faults.push_back(fmt::format("host {}: its clock is not fit: {}", name, host.state.clock));
     }
     for (const CellHostState::Camera& camera : host.state.cameras) {
+      if (camera.away) {
+        faults.push_back(fmt::format("camera {} of host {} gives no frames", camera.name, name));
+        continue;
+      }
       if (host.fuses || cameras_.contains(camera.name)) continue;
       faults.push_back(fmt::format("camera {} of host {}: no observation while it was listened to",
                                    camera.name, name));
     }
+  }
+  for (const auto& [name, neighbor] : neighbors_) {
+    if (!neighbor.fusion.empty()) continue;
+    faults.push_back(fmt::format(
+        "cell {} next to this one: nobody keeps its estimates, or the brokers do not bridge", name));
   }
   if (malformed_ > 0) {
     faults.push_back(

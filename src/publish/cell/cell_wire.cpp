@@ -273,12 +273,14 @@ std::string encode(const CellHostState& state) {
     wire::HostCamera& entry = *out.add_cameras();
     entry.set_name(camera.name);
     entry.set_calibration(camera.calibration);
+    entry.set_away(camera.away);
   }
   out.set_clock_bound_ns(state.clock_bound.count());
   out.set_clock_fit(state.clock_fit);
   out.set_beat(state.beat);
   for (const uint64_t count : state.observations) out.add_observations(count);
   out.set_clock(publish::printable(state.clock.substr(0, kLongestText)));
+  out.set_page(state.page);
   return out.SerializeAsString();
 }
 
@@ -296,7 +298,7 @@ Result<CellHostState> decode_host_state(std::string_view bytes) {
   if (in.cameras_size() > kMostCameras) return refuse("has too many cameras");
   for (const wire::HostCamera& camera : in.cameras()) {
     if (!is_camera_name(camera.name())) return refuse("lacks a name");
-    out.cameras.push_back({camera.name(), camera.calibration()});
+    out.cameras.push_back({camera.name(), camera.calibration(), camera.away()});
   }
   if (in.clock_bound_ns() < 0 || in.clock().size() > kLongestText || !is_utf8(in.clock())) {
     return refuse("has a clock that is none");
@@ -307,6 +309,8 @@ Result<CellHostState> decode_host_state(std::string_view bytes) {
   if (in.observations_size() > kMostCounts) return refuse("has too many counts");
   out.observations.assign(in.observations().begin(), in.observations().end());
   out.clock = in.clock();
+  if (!in.page().empty() && !is_page_address(in.page())) return refuse("has a page that is none");
+  out.page = in.page();
   return out;
 }
 

@@ -69,11 +69,16 @@ struct CellHostState {
   struct Camera {
     std::string name;
     uint64_t calibration = 0;
+    bool away = false;  ///< no frame comes from it
+
+    bool operator==(const Camera&) const = default;
   };
   std::vector<Camera> cameras;
   Duration clock_bound{0};
   bool clock_fit = false;
   std::string clock;  ///< what it goes by, or what is wrong with it
+  /// Address of its page for browsers, "https://hall-2:9754/"; empty: none that others reach.
+  std::string page;
   uint64_t beat = 0;  ///< of a claim: grows with each that the daemon says
   /// Of a claim: what became of other hosts' observations since the start, by CellVerdict.
   std::vector<uint64_t> observations;

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -44,6 +45,8 @@ struct CellOptions {
   std::vector<std::string> neighbors{};
   /// A host that only takes frames estimates by itself while nobody keeps the cell's estimates.
   bool local = false;
+  /// Address at which browsers reach this host's page, as is_page_address(); empty: none.
+  std::string page{};
 
   bool enabled() const { return !broker.host.empty(); }
   bool operator==(const CellOptions&) const = default;
@@ -51,6 +54,10 @@ struct CellOptions {
 
 /// A name as one level of a topic.
 std::string topic_level(std::string name);
+
+/// "http://..." or "https://..." of at most 256 printable characters without quotes: other hosts
+/// show it as a link.
+bool is_page_address(std::string_view text);
 
 /// Topics of a cell.
 struct CellTopics {

@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "sightline/publish/cell/cell_messages.hpp"
 
@@ -28,7 +29,17 @@ class CellSurvey {
     std::vector<std::string> cameras;  ///< of the newest: whose measurements were accepted
   };
 
-  explicit CellSurvey(std::string cell) : topics_(std::move(cell)) {}
+  struct Neighbor {
+    std::string fusion;  ///< the host that keeps its estimates; empty: nobody has said so twice
+    uint64_t boot = 0, beat = 0;       ///< of the newest claim
+    std::map<std::string, bool> bids;  ///< by object that both see: whether it publishes it
+  };
+
+  /// `neighbors`: cells next to it, whose topics the broker has too.
+  explicit CellSurvey(std::string cell, const std::vector<std::string>& neighbors = {})
+      : topics_(std::move(cell)) {
+    for (const std::string& neighbor : neighbors) neighbors_[neighbor] = {};
+  }
 
   std::vector<MqttSession::Subscription> subscriptions() const;
   /// A message, received at `now_utc_ns`.
@@ -37,6 +48,7 @@ class CellSurvey {
   const std::map<std::string, Host>& hosts() const { return hosts_; }
   const std::map<std::string, Camera>& cameras() const { return cameras_; }
   const std::map<std::string, Object>& objects() const { return objects_; }
+  const std::map<std::string, Neighbor>& neighbors() const { return neighbors_; }
   /// Who keeps the estimates; empty: nobody has said so twice.
   std::string fusion() const;
   /// What became of other hosts' observations, by CellVerdict; empty: the fusion host did not say.
@@ -48,11 +60,16 @@ class CellSurvey {
  private:
   void hear_host(std::string_view topic, std::string_view payload);
   void hear_claim(std::string_view payload);
+  bool hear_neighbor(std::string_view topic, std::string_view payload);
+  void hear_claim_of(Neighbor& neighbor, std::string_view payload);
+  void hear_bid(const CellTopics& topics, std::string_view topic, std::string_view payload,
+                Neighbor& neighbor);
 
   const CellTopics topics_;
   std::map<std::string, Host> hosts_;
   std::map<std::string, Camera> cameras_;
   std::map<std::string, Object> objects_;
+  std::map<std::string, Neighbor> neighbors_;
   std::optional<CellHostState> claim_;
   std::vector<uint64_t> verdicts_;
   uint64_t malformed_ = 0;
