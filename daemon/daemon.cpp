@@ -22,6 +22,7 @@ using namespace std::chrono_literals;
 namespace {
 
 constexpr Duration kForRecordings = 400ms;  // to finish them, at the end
+constexpr Duration kForCapture = 100ms;     // to end: unless a solution is being made
 constexpr Duration kWaitShown = 2s;         // shorter waits are part of the work
 
 // Whatever a library throws over a strange file ends here.
@@ -57,6 +58,7 @@ Daemon::Daemon(const DaemonOptions& options, std::shared_ptr<HttpWaker> waker)
                {},
                {},
                options.request_reload},
+      captures_(std::make_shared<CaptureDesk>(beats_, context_.taps)),
       orders_(options.request_orders, waker_) {
   system_.publish(std::make_shared<const System>());
   config_.publish(std::make_shared<const ConfigReport>());
@@ -92,6 +94,7 @@ Status Daemon::prepare_web() {
                                .pictures = context_.pictures,
                                .recordings = context_.recordings,
                                .whep = context_.whep,
+                               .captures = captures_,
                                .waker = waker_});
   context_.on_order = [here = context_.http](const CellOrder& order) { obey(order, here); };
   share_orders(context_.http, [this] { return system_.read()->cell; });
@@ -221,7 +224,11 @@ Status Daemon::stop(StopLeft* left) {
   stopping_ = true;
   StopLeft unsaid;
   StopLeft& all = left != nullptr ? *left : unsaid;
+  const bool capture_ended = captures_->stop(kForCapture);
   Status done = system_.read()->stop(all);
+  if (!capture_ended && !captures_->stop(kForCapture)) {
+    all.what.emplace_back("the solution of a capture");
+  }
   for (std::string& what : context_.recordings->stop(kForRecordings)) {
     all.what.push_back(std::move(what));
     all.recording = true;

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "calibration/capture_desk.hpp"
 #include "order_queue.hpp"
 #include "system/overlay_overrides.hpp"
 #include "system/system_builder.hpp"
@@ -82,9 +83,11 @@ class Daemon {
   Daemon(const DaemonOptions& options, std::shared_ptr<HttpWaker> waker);
   Status prepare_web();
   void add_orders();
+  void add_capture_orders();
   /// The running system with another overlay: `change` of its installation.
   HttpReply restyle(const std::function<Status(Installation&)>& change);
   HttpReply scene_mesh();
+  HttpReply start_capture(const CaptureOrder& order);
   HttpReply accept_calibration(const std::vector<std::string>& cameras);
   Status replace(Installation next, std::stop_token stop);
   Status exchange(const System& old, SystemDraft draft);
@@ -103,6 +106,7 @@ class Daemon {
   SourceFactory sources_{registry_};
   const std::shared_ptr<HttpWaker> waker_;
   SystemContext context_;  // complete after prepare_web()
+  const std::shared_ptr<CaptureDesk> captures_;
   OrderQueue orders_;
   OverlayOverrides overlays_;
   std::stop_token orders_stop_;  // the control thread's, as the next two

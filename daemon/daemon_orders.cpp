@@ -3,11 +3,13 @@
 #include <exception>
 #include <nlohmann/json.hpp>
 
+#include "calibration/capture_targets.hpp"
 #include "daemon.hpp"
 #include "sightline/base/log.hpp"
 #include "sightline/pipeline/calibration_proposal.hpp"
 #include "sightline/pipeline/last_poses.hpp"
 #include "web/calibration_json.hpp"
+#include "web/capture_json.hpp"
 #include "web/scene_json.hpp"
 
 namespace sightline {
@@ -31,11 +33,45 @@ void Daemon::add_orders() {
   // A large scene is simplified first.
   http.scene_mesh = [this] { return orders_.take([this] { return scene_mesh(); }); };
   http.calibration_report = [this] {
-    return orders_.take([this] { return calibration_report_reply(system_.read()->installation); });
+    return orders_.take([this] {
+      return report_reply(calibration_report_file(system_.read()->installation),
+                          "there is no report.html beside the calibration in force");
+    });
   };
+  add_capture_orders();
   http.accept_calibration = [this](const std::vector<std::string>& cameras) {
     return orders_.take([this, cameras] { return accept_calibration(cameras); });
   };
+}
+
+void Daemon::add_capture_orders() {
+  HttpContent& http = context_.http;
+  http.start_capture = [this](const CaptureOrder& order) {
+    return orders_.take([this, order] { return start_capture(order); });
+  };
+  http.capture_targets = [this] {
+    return orders_.take([this] {
+      return HttpReply::json(capture_targets_json(find_targets(system_.read()->installation)));
+    });
+  };
+  http.capture_report = [this] {
+    return orders_.take([this] {
+      const auto shown = captures_->shown();
+      constexpr const char* kNone = "there is no capture with a report";
+      if (shown->phase != CapturePhase::kDone) return HttpReply::error(404, kNone);
+      return report_reply(shown->folder / "report.html", kNone);
+    });
+  };
+}
+
+HttpReply Daemon::start_capture(const CaptureOrder& order) {
+  if (captures_->busy()) return HttpReply::error(409, "one is under way: stop it first");
+  const auto folder = captures_->start(order, system_.read()->installation);
+  if (!folder) return HttpReply::error(folder.error());
+  HttpReply reply =
+      HttpReply::json(nlohmann::ordered_json{{"folder", folder->string()}}.dump(2) + "\n");
+  reply.status = 202;
+  return reply;
 }
 
 void Daemon::do_orders(std::stop_token stop) {

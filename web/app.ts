@@ -2,6 +2,7 @@
 // The page: follows the daemon's events and pictures, and lets an operator say where to look.
 
 import { Camera, follow, order, PoseEvent, SeenObject, State, VirtualCamera } from "./api";
+import { CapturePanel } from "./capture";
 import { CellPanel } from "./cell";
 import { byId, setText, show } from "./dom";
 import { EventList } from "./events";
@@ -35,6 +36,7 @@ class Page {
   private readonly overlay = new OverlayPanel((text) => this.tell(text));
   private readonly rig = new RigPanel((text) => this.tell(text));
   private readonly cell = new CellPanel();
+  private readonly capture = new CapturePanel((text) => this.tell(text), (camera) => this.tiles.get(camera)?.frame ?? null);
   private fetched = "";
   private readonly since = new Map<string, { state: string; time: number }>();
   private wanted = new URLSearchParams(location.search).get("camera") ?? "";  // enlarged once it is there: another host's page says which
@@ -61,6 +63,7 @@ class Page {
     this.startTheme();
     this.scene.start();
     this.events.start();
+    this.capture.watch();
     new RecordingPanel((text) => this.tell(text)).start();
   }
 

@@ -17,7 +17,7 @@ export interface TileOwner {
 
 export class Tile {
   readonly element = make("article", "tile");
-  private readonly frame = make("div", "frame");
+  readonly frame = make("div", "frame");
   private readonly canvas = make("canvas");  // pictures; also what is pointed at, under the video
   readonly video = make("video");
   private readonly note = make("p", "note", "waiting for the first picture");

@@ -15,7 +15,9 @@
 #include "calibrate/capture_progress.hpp"
 #include "calibrate/solve_arguments.hpp"
 #include "calibrate/solved_rig.hpp"
+#include "calibration/capture_files.hpp"
 #include "calibration/capture_session.hpp"
+#include "calibration/capture_words.hpp"
 #include "report.hpp"
 #include "sightline/base/files.hpp"
 #include "sightline/base/log_output.hpp"
@@ -31,7 +33,6 @@ using namespace std::chrono_literals;
 namespace fs = std::filesystem;
 
 constexpr Duration kTurn = 100ms;
-constexpr Duration kFirstImage = 20s;  // a camera that is silent for longer is not there
 
 struct CaptureCommandOptions {
   fs::path config, target, out = "calibration", intrinsics;
@@ -115,33 +116,6 @@ Result<CaptureSessionOptions> session_options(const CaptureCommandOptions& o,
   return options;
 }
 
-/// What was taken so far, so that nothing of it can be lost.
-Status keep(const CaptureSession& session, const std::vector<std::string>& names,
-            const fs::path& out, bool over) {
-  const CalibrationViews views = session.views();
-  if (views.sets > 0) {
-    SL_RETURN_IF_ERROR(write_file_atomically(out / "corners.csv", format_views(views)));
-  }
-  for (size_t c = 0; c < names.size(); ++c) {
-    SL_RETURN_IF_ERROR(write_file_atomically(out / fmt::format("coverage_{}.svg", names[c]),
-                                             session.coverage_svg(c)));
-  }
-  return write_file_atomically(out / "capture.html", session.page(over));
-}
-
-Status check_present(const CaptureState& state, const std::vector<std::string>& names,
-                     Duration since_start) {
-  if (since_start < kFirstImage) return {};
-  for (size_t c = 0; c < names.size(); ++c) {
-    if (state.cameras[c].frames > 0 || state.cameras[c].ended) continue;
-    return make_error(ErrorCode::kUnavailable, "camera " + names[c],
-                      "no image in {:.0f} s{}{}; --camera chooses cameras that take part",
-                      to_seconds(kFirstImage), state.cameras[c].problem.empty() ? "" : ": ",
-                      state.cameras[c].problem);
-  }
-  return {};
-}
-
 /// Until the report passes, a signal, the end of what is played, or enough of it.
 Status watch(const CaptureSession& session, const Signals& signals,
              const std::vector<std::string>& names, const CaptureCommandOptions& o,
@@ -159,11 +133,12 @@ Status watch(const CaptureSession& session, const Signals& signals,
     if (state.sets != kept || state.advice.words != words) {
       kept = state.sets;
       words = state.advice.words;
-      SL_RETURN_IF_ERROR(keep(session, names, o.out, false));
+      SL_RETURN_IF_ERROR(keep_capture(session, names, o.out, false));
     }
     if (state.error) return *state.error;
     const Duration elapsed = MonotonicClock::now() - start;
-    SL_RETURN_IF_ERROR(check_present(state, names, elapsed));
+    SL_RETURN_IF_ERROR(
+        check_present(state, names, elapsed, "--camera chooses cameras that take part"));
     const bool enough = state.passed || state.sets >= o.most;
     if (asked || enough || state.ended) return {};
     if (o.seconds && elapsed >= from_seconds(*o.seconds)) return {};
@@ -237,7 +212,7 @@ Result<std::string> capture(const CaptureCommandOptions& o, std::unique_ptr<Capt
   const CaptureState state = session->state();
   run_unless_asked(
       signals, [&] { session->stop(); }, [](const std::string&) {});
-  SL_RETURN_IF_ERROR(keep(*session, names, o.out, true));
+  SL_RETURN_IF_ERROR(keep_capture(*session, names, o.out, true));
   SL_RETURN_IF_ERROR(watched);
   const CalibrationViews views = session->views();
   if (views.sets == 0) {

@@ -9,7 +9,7 @@
 #include <random>
 #include <thread>
 
-#include "calibrate/capture_progress.hpp"
+#include "calibration/capture_words.hpp"
 #include "system/servers.hpp"
 
 namespace sightline::cli {

@@ -9,6 +9,8 @@
 #include <cstdio>
 #include <utility>
 
+#include "calibration/capture_words.hpp"
+
 namespace sightline::cli {
 namespace {
 
@@ -27,31 +29,6 @@ std::string bar(double share) {
 }
 
 }  // namespace
-
-std::string hint_words(const CaptureStep& step) {
-  switch (step.kind) {
-    case CaptureStep::Kind::kMoving:
-      return "hold it still";
-    case CaptureStep::Kind::kBlurred:
-      return "it is not sharp";
-    case CaptureStep::Kind::kTaken:
-    case CaptureStep::Kind::kKnown:
-      return "taken";
-    case CaptureStep::Kind::kNotSeen:
-      break;
-  }
-  return "";
-}
-
-std::string next_words(const CaptureState& state, const std::vector<std::string>& cameras) {
-  for (size_t c = 0; c < state.cameras.size(); ++c) {
-    const TargetCameraStatus& camera = state.cameras[c];
-    if (!camera.problem.empty()) return fmt::format("{}: {}", cameras[c], camera.problem);
-    if (camera.frames == 0) return fmt::format("{}: waiting for its first image", cameras[c]);
-  }
-  if (state.refusal) return *state.refusal;
-  return state.advice.words;
-}
 
 CaptureProgressLine::CaptureProgressLine(std::vector<std::string> cameras)
     : cameras_(std::move(cameras)), terminal_(isatty(STDERR_FILENO) == 1) {}

@@ -25,10 +25,4 @@ class CaptureProgressLine {
   std::string last_;
 };
 
-/// What to do next, in words: of the guide, unless a camera has no images or finds no target, or
-/// the target moves.
-std::string next_words(const CaptureState& state, const std::vector<std::string>& cameras);
-/// What came of the newest image, "hold it still"; empty: the target is not seen.
-std::string hint_words(const CaptureStep& step);
-
 }  // namespace sightline::cli

@@ -7,6 +7,7 @@
 #include "calibrate/calibrate_commands.hpp"
 #include "calibrate/solve_arguments.hpp"
 #include "calibrate/solved_rig.hpp"
+#include "calibration/capture_files.hpp"
 #include "report.hpp"
 
 namespace sightline::cli {

@@ -9,13 +9,6 @@
 
 namespace sightline::cli {
 
-/// The hash that names a calibration.
-std::string epoch_of(const CalibrationViews& views, const RigSolution& solution);
-
-/// Writes corners.csv, report.json, report.html, and last calibration.toml: it is in force once it
-/// is there, and what explains it is there by then.
-Status write_solved(const std::filesystem::path& folder, const CalibrationViews& views,
-                    const SolvedRig& solved);
 /// On stdout, as a table for a person or as JSON.
 void print_solved(const CalibrationViews& views, const SolvedRig& solved, bool json,
                   const std::filesystem::path& folder);

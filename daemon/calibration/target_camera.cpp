@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "sightline/base/log.hpp"
+#include "sightline/base/priority.hpp"
 #include "sightline/base/thread.hpp"
 #include "workers/backoff.hpp"
 #include "workers/wait_to_reopen.hpp"
@@ -26,6 +27,7 @@ std::unique_ptr<TargetCamera> TargetCamera::start(Parts parts) {
   const auto fail = [raw](const std::string& what) { raw->fail(what); };
   raw->find_thread_ = start_thread(
       "find:" + name, [raw](const std::stop_token& stop) { raw->find(stop); }, fail);
+  if (!raw->parts_.open_source) return camera;
   raw->capture_thread_ = start_thread(
       "cap:" + name, [raw](const std::stop_token& stop) { raw->capture(stop); }, fail);
   return camera;
@@ -102,7 +104,8 @@ void TargetCamera::capture(const std::stop_token& stop) {
       std::lock_guard lock(mutex_);
       if (status_.frames++ == 0) status_.problem.clear();
     }
-    if (step->frame->info().status == FrameStatus::kGood) slot_.put(std::move(step->frame));
+    if (step->frame->info().status == FrameStatus::kGood)
+      parts_.frames->put(std::move(step->frame));
   }
 }
 
@@ -112,15 +115,17 @@ void TargetCamera::explain(const Frame& frame) {
 }
 
 void TargetCamera::find(const std::stop_token& stop) {
+  if (parts_.nice > 0) give_way(parts_.nice);
   Time unexplained = MonotonicClock::now();
   bool ever = false;
   while (!stop.stop_requested()) {
-    const auto frame = slot_.take(stop, kTurn);
+    const auto frame = parts_.frames->take(stop, kTurn);
     if (!frame) continue;
     const std::vector<DetectedCorner> corners = parts_.detector->detect(**frame);
     {
       std::lock_guard lock(mutex_);
       ++status_.looked_at;
+      if (!parts_.open_source) status_.frames = status_.looked_at;
       status_.seen += !corners.empty();
       layout_ = parts_.detector->layout();
       if (!corners.empty()) status_.problem.clear();

@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-#include "sightline/base/latest_slot.hpp"
+#include "calibration/target_frames.hpp"
 #include "sightline/base/time.hpp"
 #include "sightline/model/seams.hpp"
 #include "sightline/observe/fiducial/target_detector.hpp"
@@ -24,15 +24,19 @@ struct TargetCameraStatus {
 
 /// One camera while it is calibrated: a thread that takes its images ("cap:NAME") and one that
 /// looks for the target in the newest of them ("find:NAME"). A source that is lost is opened again.
+/// Where frames come from somebody who has the camera already, there is the second thread alone.
 class TargetCamera {
  public:
   struct Parts {
     std::string name;
     CalibrationTarget target;
     std::unique_ptr<TargetDetector> detector;
+    /// Empty: frames come by `frames`.
     std::function<Result<std::unique_ptr<FrameSource>>(const std::stop_token&)> open_source;
     /// On the thread that looks; corners in order of their ids, empty where there is no target.
     std::function<void(const Frame& frame, const std::vector<DetectedCorner>& corners)> on_image;
+    std::shared_ptr<TargetSlot> frames = std::make_shared<TargetSlot>();
+    int nice = 0;  ///< see give_way(); of the thread that looks
   };
   static std::unique_ptr<TargetCamera> start(Parts parts);
   ~TargetCamera() { stop(); }
@@ -51,7 +55,6 @@ class TargetCamera {
   void fail(const std::string& what);  ///< a thread of it has ended
 
   Parts parts_;
-  LatestSlot<FramePtr> slot_;
   mutable std::mutex mutex_;  // guards the two below
   TargetCameraStatus status_;
   CharucoLayout layout_ = CharucoLayout::kAny;

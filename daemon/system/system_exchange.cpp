@@ -70,6 +70,11 @@ Status SystemExchange::acquire() {
 }
 
 Status SystemExchange::switch_over() {
+  // Whose views those are is known by CameraId.
+  const bool same_cameras =
+      std::ranges::equal(old_.installation.cameras, next_.installation.cameras, {},
+                         &CameraConfig::name, &CameraConfig::name);
+  if (!same_cameras) context_.taps->targets.publish(nullptr);
   // Estimates and frames of the old numbering are not for the new recording.
   if (draft_.plan.recorder) context_.taps->recorder.publish(nullptr);
   if (draft_.plan.search) context_.taps->search.publish(nullptr);

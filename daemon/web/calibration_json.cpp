@@ -92,12 +92,10 @@ std::string calibration_json(const System& system, const ConfigReport& config) {
   return json.dump(2) + "\n";
 }
 
-HttpReply calibration_report_reply(const Installation& installation) {
+HttpReply report_reply(const std::filesystem::path& file, const std::string& missing) {
   constexpr size_t kMostBytes = 32 << 20;
-  auto text = read_file(calibration_report_file(installation), kMostBytes);
-  if (!text) {
-    return HttpReply::error(404, "there is no report.html beside the calibration in force");
-  }
+  auto text = read_file(file, kMostBytes);
+  if (!text) return HttpReply::error(404, missing);
   HttpReply reply{200, "text/html; charset=utf-8", *std::move(text)};
   // A file that somebody put there: it may show itself, and nothing else.
   reply.headers.emplace_back(

@@ -22,7 +22,8 @@ std::string calibration_json(const System& system, const ConfigReport& config);
 
 /// Where the report of the calibration in force is expected: report.html beside it.
 std::filesystem::path calibration_report_file(const Installation& installation);
-/// report.html beside the calibration in force, or 404; reads the disk.
-HttpReply calibration_report_reply(const Installation& installation);
+/// A report.html as a page that may do nothing but show itself, or 404 with `missing`; reads the
+/// disk.
+HttpReply report_reply(const std::filesystem::path& file, const std::string& missing);
 
 }  // namespace sightline

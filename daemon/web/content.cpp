@@ -7,6 +7,7 @@
 #include "system/system_status.hpp"
 #include "version.hpp"
 #include "web/calibration_json.hpp"
+#include "web/capture_json.hpp"
 #include "web/picture_streams.hpp"
 #include "web/scene_json.hpp"
 
@@ -122,6 +123,7 @@ void add_lists(const WebSources& s, HttpContent& content) {
   content.scene_json = [s] { return scene_json(*s.system()); };
   content.points_json = [s] { return points_json(*s.system()); };
   content.calibration_json = [s] { return calibration_json(*s.system(), *s.config()); };
+  content.capture_json = [s] { return capture_json(*s.captures->shown()); };
   content.object_mesh = [s](const std::string& name) {
     return object_mesh_reply(*s.system(), name);
   };
@@ -150,6 +152,7 @@ void add_orders(const WebSources& s, HttpContent& content) {
     SL_ASSIGN(const auto head, head_of(*s.system(), camera));
     return head->release();
   };
+  content.stop_capture = [s] { return s.captures->conclude(); };
   if (s.request_reload) {
     content.reload = [s]() -> Status {
       s.request_reload();

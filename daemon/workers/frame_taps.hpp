@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "calibration/target_frames.hpp"
 #include "cell/cell_worker.hpp"
 #include "sightline/base/snapshot.hpp"
 #include "workers/points_worker.hpp"
@@ -15,7 +16,8 @@ struct FrameTaps {
   Snapshot<RecorderWorker> recorder;
   Snapshot<SearchWorker> search;
   Snapshot<PointsWorker> points;
-  Snapshot<CellWorker> cell;  ///< takes observations or estimates
+  Snapshot<const TargetFrames> targets;  ///< while views of a calibration target are captured
+  Snapshot<CellWorker> cell;             ///< takes observations or estimates
 
   /// On a capture thread; never waits.
   void record(const FramePtr& frame) const {
@@ -25,6 +27,7 @@ struct FrameTaps {
   /// `observed`: the camera takes part in stereo points.
   void push(const FramePtr& frame, bool observed) const {
     if (const auto to = search.read()) to->push(frame);
+    if (const auto to = targets.read()) to->push(frame);
     if (const auto to = observed ? points.read() : nullptr) to->push(frame);
   }
   ScenePointsPtr points_at(Time time) const {

@@ -114,6 +114,16 @@ Result<HintRequest> parse_pose(const Json& json) {
   return HintRequest{pose};
 }
 
+/// Of "cameras"; none where the key is not there.
+Result<std::vector<std::string>> camera_names(const Json& json) {
+  if (!json.contains("cameras")) return std::vector<std::string>();
+  const Json& names = json.at("cameras");
+  const bool good = names.is_array() && !names.empty() &&
+                    std::ranges::all_of(names, [](const Json& name) { return name.is_string(); });
+  if (!good) return wrong("\"cameras\" has to be a list of names");
+  return names.get<std::vector<std::string>>();
+}
+
 Result<double> parse_number(const std::string& key, const std::string& text, double low,
                             double high) {
   double value = 0;
@@ -217,16 +227,41 @@ Result<OverlayRequest> parse_overlay(std::string_view body) {
 }
 
 Result<std::vector<std::string>> parse_cameras(std::string_view body) {
-  std::vector<std::string> cameras;
-  if (body.empty()) return cameras;
+  if (body.empty()) return std::vector<std::string>();
   SL_ASSIGN(const Json json, parse_object(body));
   SL_RETURN_IF_ERROR(only_keys(json, {"cameras"}));
-  if (!json.contains("cameras")) return cameras;
-  const Json& names = json.at("cameras");
-  const bool good = names.is_array() && !names.empty() &&
-                    std::ranges::all_of(names, [](const Json& name) { return name.is_string(); });
-  if (!good) return wrong("\"cameras\" has to be a list of names");
-  return names.get<std::vector<std::string>>();
+  return camera_names(json);
+}
+
+Result<CaptureOrder> parse_capture(std::string_view body) {
+  CaptureOrder order;
+  if (body.empty()) return order;
+  SL_ASSIGN(const Json json, parse_object(body));
+  SL_RETURN_IF_ERROR(
+      only_keys(json, {"target", "target_toml", "cameras", "keep_lenses", "moving", "resume"}));
+  for (const auto& [key, text] :
+       {std::pair("target", &order.target), std::pair("target_toml", &order.target_toml)}) {
+    if (!json.contains(key)) continue;
+    const Json& value = json.at(key);
+    if (!value.is_string() || value.get_ref<const std::string&>().empty()) {
+      return wrong(fmt::format("\"{}\" has to be a text", key));
+    }
+    *text = value.get<std::string>();
+  }
+  if (!order.target.empty() && !order.target_toml.empty()) {
+    return wrong("\"target\" and \"target_toml\" are one too many");
+  }
+  for (const auto& [key, flag] :
+       {std::pair("keep_lenses", &order.keep_lenses), std::pair("moving", &order.moving),
+        std::pair("resume", &order.resume)}) {
+    if (!json.contains(key)) continue;
+    if (!json.at(key).is_boolean()) {
+      return wrong(fmt::format("\"{}\" has to be true or false", key));
+    }
+    *flag = json.at(key).get<bool>();
+  }
+  SL_ASSIGN(order.cameras, camera_names(json));
+  return order;
 }
 
 Result<std::string> parse_mark(std::string_view body) {

@@ -39,6 +39,10 @@ Result<OverlayRequest> parse_overlay(std::string_view body);
 /// {"cameras": ["left", ...]}; empty where none are named.
 Result<std::vector<std::string>> parse_cameras(std::string_view body);
 
+/// Body of an order to capture: {"target" or "target_toml", "cameras": [...], "keep_lenses",
+/// "moving", "resume": true or false}, all optional.
+Result<CaptureOrder> parse_capture(std::string_view body);
+
 /// "camera" (several), "annotated" (0 or 1), "rate_hz" (0.1 .. 240).
 Result<PictureRequest> parse_pictures(const Query& query);
 

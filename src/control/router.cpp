@@ -172,6 +172,18 @@ HttpReply accept(const HttpContent& content, const Request& request, const std::
               cameras ? content.accept_calibration(*cameras) : HttpReply::error(cameras.error()));
 }
 
+HttpReply start_capture(const HttpContent& content, const Request& request, const std::string&) {
+  if (!content.start_capture) return missing();
+  const auto order = parse_capture(request.body);
+  return told(request, order ? content.start_capture(*order) : HttpReply::error(order.error()));
+}
+
+HttpReply stop_capture(const HttpContent& content, const Request& request, const std::string&) {
+  if (!content.stop_capture) return missing();
+  const Status empty = parse_nothing(request.body);
+  return done(request, empty ? content.stop_capture() : empty, 202);
+}
+
 template <std::function<HttpReply()> HttpContent::*kMaker>
 HttpReply made(const HttpContent& content, const Request&, const std::string&) {
   return content.*kMaker ? (content.*kMaker)() : missing();
@@ -222,6 +234,11 @@ constexpr std::array kRoutes{
     Route{"GET", "/api/v1/calibration", kView, list<&HttpContent::calibration_json>},
     Route{"GET", "/api/v1/calibration/report", kView, made<&HttpContent::calibration_report>},
     Route{"POST", "/api/v1/calibration/accept", kOperate, accept},
+    Route{"GET", "/api/v1/calibration/capture", kView, list<&HttpContent::capture_json>},
+    Route{"GET", "/api/v1/calibration/capture/targets", kView, made<&HttpContent::capture_targets>},
+    Route{"GET", "/api/v1/calibration/capture/report", kView, made<&HttpContent::capture_report>},
+    Route{"POST", "/api/v1/calibration/capture/start", kOperate, start_capture},
+    Route{"POST", "/api/v1/calibration/capture/stop", kOperate, stop_capture},
     Route{"GET", "/api/v1/poses", kView, list<&HttpContent::poses_json>},
     Route{"GET", "/api/v1/events", kView, events},
     Route{"GET", "/api/v1/log", kView, log_lines},

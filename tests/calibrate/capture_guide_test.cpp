@@ -250,6 +250,32 @@ TEST(CaptureGuide, AMovingTargetGivesTheTimeOffset) {
   EXPECT_NEAR(solved->cameras[1].time_offset_s, kLate, 0.001);
 }
 
+TEST(CaptureGuide, CellsCountWhatWasSeen) {
+  const SyntheticRig rig = rig_of(2);
+  Capture capture(rig);
+  SimulatedUser user(rig, {});
+  const auto share = [&](size_t camera) {
+    const CoverageCells cells = capture.guide.coverage(camera);
+    EXPECT_EQ(cells.corners.size(), static_cast<size_t>(cells.columns * cells.rows));
+    const auto seen = std::ranges::count_if(cells.corners, [](int corners) { return corners > 0; });
+    return static_cast<double>(seen) / (cells.columns * cells.rows);
+  };
+  EXPECT_EQ(share(0), 0);
+  follow(capture, user, 6);
+  for (size_t camera = 0; camera < 2; ++camera) {
+    EXPECT_GT(share(camera), 0) << camera;
+    EXPECT_DOUBLE_EQ(share(camera), capture.guide.progress()[camera].coverage) << camera;
+    size_t corners = 0, counted = 0;
+    for (const TargetView& view : capture.guide.views().views) {
+      if (view.camera == camera) corners += view.corners.size();
+    }
+    for (const int cell : capture.guide.coverage(camera).corners) {
+      counted += static_cast<size_t>(cell);
+    }
+    EXPECT_EQ(counted, corners) << camera;
+  }
+}
+
 TEST(CaptureGuide, PicturesShowWhatIsWanted) {
   const SyntheticRig rig = rig_of(2);
   Capture capture(rig);

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "../support/matchers.hpp"
 
 namespace sightline {
@@ -209,6 +211,54 @@ TEST(Interchange, ReadsWhatAniposeAndCaliscopeWrite) {
   EXPECT_EQ((*array)[0].name, "cam_2");
   EXPECT_EQ((*array)[1].name, "cam_10");
   EXPECT_EQ((*array)[0].rms_px, 0.45);
+}
+
+// The same; its tables go by the cameras' own names.
+TEST(Interchange, ReadsWhatPose2SimWrites) {
+  const auto camera = [](const std::string& name, const std::string& more) {
+    return "[" + name + "]\nname = \"" + name +
+           "\"\nsize = [ 1088.0, 1920.0]\nmatrix = [ [ 1681.2, 0.0, 540.5], [ 0.0, 1681.7, 961.2], "
+           "[ 0.0, 0.0, 1.0]]\ndistortions = [ -0.001, 0.02, -0.0005, 0.0004]\n" +
+           more + "fisheye = false\n\n";
+  };
+  const std::string text =
+      camera("int_left_img", "rotation = [ 0.0, 0.0, 0.0]\ntranslation = [ 1.0, 2.0, 3.0]\n") +
+      camera("top", "rotation = [ 0.9, 0.1, 0.2]\ntranslation = [ 0.5, 0.5, 4.0]\n") +
+      "[metadata]\nadjusted = false\nerror = 0.0\n";
+  const auto cameras = import_cameras({{"Calib.toml", text}}, InterchangeFormat::kAnipose);
+  ASSERT_THAT(cameras, IsOk());
+  ASSERT_EQ(cameras->size(), 2u);
+  const auto left = std::ranges::find(*cameras, "int_left_img", &CalibratedCamera::name);
+  ASSERT_NE(left, cameras->end());
+  EXPECT_EQ(left->model.parameters().height, 1920);
+  EXPECT_EQ(left->model.parameters().distortion[1], 0.02);
+  EXPECT_THAT(left->world_from_camera.translation,
+              test::MatrixNear(Eigen::Vector3d(-1, -2, -3), 1e-12));
+}
+
+TEST(Interchange, CaliscopesOlderFilesAndCamerasWithoutAPlace) {
+  const auto import = [](const std::string& rest) {
+    return import_cameras(
+        {{"camera_array.toml",
+          "[cameras.3]\ncam_id = 3\nsize = [1280, 720]\nrotation_count = 0\nmatrix = [[822.5, "
+          "0.0, 639.5], [0.0, 823.5, 359.5], [0.0, 0.0, 1.0]]\ndistortions = [0.2, -0.3, -0.004, "
+          "-0.005, 0.16]\nfisheye = false\n" +
+              rest}},
+        InterchangeFormat::kCaliscope);
+  };
+  // By 90 degrees about y: (x, y, z) to (z, y, -x).
+  const auto turned = import(
+      "translation = [[0.0], [0.0], [2.0]]\nrotation = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, "
+      "0.0, 0.0]]\n");
+  ASSERT_THAT(turned, IsOk());
+  EXPECT_THAT(turned->front().world_from_camera.translation,
+              test::MatrixNear(Eigen::Vector3d(2, 0, 0), 1e-12));
+  EXPECT_THAT(import("translation = [0.0, 0.0, 2.0]\nrotation = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], "
+                     "[1.0, 0.0, 0.0]]\n"),
+              FailsWith("is no rotation matrix"));
+  EXPECT_THAT(import("translation = [0.0, 0.0, 2.0]\nrotation = [1.0, 2.0]\n"),
+              FailsWith("has 2 numbers, not 3"));
+  EXPECT_THAT(import("error = 0.3\n"), FailsWith("has been given no place"));
 }
 
 TEST(Interchange, RefusesBrokenTomlByPlace) {

@@ -89,6 +89,10 @@ class Api : public testing::Test {
       ++reloads_;
       return {};
     };
+    content.start_capture = [this](const CaptureOrder& order) {
+      capture_ = order;
+      return HttpReply{202, "application/json", "{}\n"};
+    };
     content.events = [this](bool) { return stream_; };
     content.snapshot = [this](const PictureRequest& request) -> Result<HttpReply> {
       pictures_ = request;
@@ -115,6 +119,7 @@ class Api : public testing::Test {
   std::shared_ptr<HttpWaker> waker_;
   std::optional<HintRequest> hint_;
   std::optional<PictureRequest> pictures_;
+  std::optional<CaptureOrder> capture_;
   std::atomic<int> reloads_{0};
   std::shared_ptr<FedStream> stream_ = std::make_shared<FedStream>();
   std::unique_ptr<RunningServer> server_;  // last: its thread uses the rest
@@ -170,6 +175,36 @@ TEST_F(Api, AHintThatIsNotExactlyOneIsRefusedByName) {
   EXPECT_FALSE(hint_);
   EXPECT_THAT(ask("POST", "/api/v1/objects/ball/hint", {kJson}, R"({"camera":"a","x":1,"y":1})"),
               HasSubstr("404"));
+}
+
+TEST_F(Api, AnOrderToCaptureArrivesAndNothingElseDoes) {
+  start();
+  const auto order = [this](const std::string& body) {
+    return ask("POST", "/api/v1/calibration/capture/start", {kJson}, body);
+  };
+  const std::pair<const char*, const char*> bad[] = {
+      {R"({"target":7})", "\\\"target\\\" has to be a text"},
+      {R"({"target":""})", "has to be a text"},
+      {R"({"target":"a","target_toml":"b"})", "one too many"},
+      {R"({"moving":"yes"})", "\\\"moving\\\" has to be true or false"},
+      {R"({"cameras":[]})", "list of names"},
+      {R"({"cameras":[1]})", "list of names"},
+      {R"({"folder":"/tmp"})", "\\\"folder\\\" is not known"},
+      {R"([])", "JSON object"},
+  };
+  for (const auto& [body, text] : bad) {
+    const std::string reply = order(body);
+    EXPECT_THAT(reply, HasSubstr("400")) << body;
+    EXPECT_THAT(reply, HasSubstr(text)) << body;
+  }
+  EXPECT_FALSE(capture_);
+  EXPECT_THAT(order(""), HasSubstr("202"));
+  EXPECT_TRUE(capture_->target.empty() && capture_->cameras.empty() && !capture_->keep_lenses);
+  EXPECT_THAT(order(R"({"target":"a.toml","cameras":["left"],"keep_lenses":true,"resume":true})"),
+              HasSubstr("202"));
+  EXPECT_EQ(capture_->target, "a.toml");
+  EXPECT_EQ(capture_->cameras, std::vector<std::string>{"left"});
+  EXPECT_TRUE(capture_->keep_lenses && capture_->resume && !capture_->moving);
 }
 
 TEST_F(Api, BodiesHaveALimitAndAType) {

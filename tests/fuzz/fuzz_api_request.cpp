@@ -35,6 +35,8 @@ void body(std::string_view text) {
   SL_CHECK(!mark || mark->size() <= 1000, "a mark has an end");
   (void)parse_overlay(text);
   (void)parse_cameras(text);
+  const auto capture = parse_capture(text);
+  SL_CHECK(!capture || capture->target.empty() || capture->target_toml.empty(), "one target");
   const auto turn = parse_turn(text);
   SL_CHECK(!turn || !turn->pan_tilt || turn->pan_tilt->cwiseAbs().maxCoeff() < 6.3, "angles");
 }

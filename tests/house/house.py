@@ -32,7 +32,8 @@ SUBROOM_ARROWS = {
                "overlay": {"mesh", "raster", "gpu"}},
 }
 # The command line runs the daemon's parts (`record`, `cameras --sync`, `calibrate capture`) through these headers alone.
-DAEMON_FOR_CLI = {"daemon.hpp", "signals.hpp", "action_worker.hpp", "capture_session.hpp", "image_recording.hpp", "servers.hpp"}
+DAEMON_FOR_CLI = {"daemon.hpp", "signals.hpp", "action_worker.hpp", "capture_session.hpp", "capture_files.hpp",
+                  "capture_words.hpp", "image_recording.hpp", "servers.hpp"}
 
 MAX_FILES_IN_FOLDER = 30
 MAX_LINES_OF_FILE = {"product": 450, "test": 700}

@@ -94,6 +94,12 @@ struct CameraProgress {
   double share = 0;       ///< 0..1, of all that it needs
 };
 
+/// What one camera's views cover: how many corners each cell of its image has, row by row.
+struct CoverageCells {
+  int columns = 0, rows = 0;
+  std::vector<int> corners;
+};
+
 /// Guides a person who shows a target to the cameras of a rig: takes a set of views when the target
 /// stands still (all cameras that see it now), is sharp and somewhere new, and says what is missing
 /// next. Passive; same calls, same result; one thread at a time. add() takes well below a
@@ -129,6 +135,9 @@ class CaptureGuide {
   bool complete() const;                   ///< nothing is missing but the report
   bool passed() const;                     ///< and the newest report is good
   CaptureAdvice advice() const;
+
+  CoverageCells coverage(size_t camera) const;
+  const CaptureGuideOptions& options() const;
 
   /// What the camera has seen, as an SVG picture of its own: cells, outlines of the target, and
   /// where it should be shown next.

@@ -102,6 +102,16 @@ struct TurnOrder {
   std::optional<double> seconds{};            ///< empty: as configured
 };
 
+/// Views of a calibration target that are to be captured.
+struct CaptureOrder {
+  std::string target{};                ///< name of one that is listed; empty: the only one
+  std::string target_toml{};           ///< the text of a target file, instead
+  std::vector<std::string> cameras{};  ///< by name; empty: all
+  bool keep_lenses = false;            ///< as they are in force: only places are solved for
+  bool moving = false;                 ///< the target need not be held still
+  bool resume = false;                 ///< goes on with the views of the newest capture
+};
+
 /// How objects are to be drawn from now on.
 struct OverlayRequest {
   std::string camera;  ///< or virtual camera; empty: all
@@ -147,6 +157,11 @@ struct HttpContent {
   std::function<HttpReply()> calibration_report{};  ///< a page
   /// Takes over what is proposed for these cameras; empty: for all.
   std::function<HttpReply(const std::vector<std::string>& cameras)> accept_calibration{};
+
+  std::function<std::string()> capture_json{};  ///< what a capture of target views is at
+  std::function<HttpReply()> capture_targets{}, capture_report{};
+  std::function<HttpReply(const CaptureOrder&)> start_capture{};
+  std::function<Status()> stop_capture{};  ///< what was taken is solved
 
   std::function<std::string()> recordings_json{};
   std::function<Status(const RecordingOrder&)> start_recording{}, stop_recording{};

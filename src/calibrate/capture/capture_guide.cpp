@@ -124,6 +124,18 @@ bool CaptureGuide::passed() const {
          behind <= kFresh;
 }
 
+CoverageCells CaptureGuide::coverage(size_t camera) const {
+  CoverageCells cells{kCellColumns, kCellRows, {}};
+  for (int row = 0; row < kCellRows; ++row) {
+    for (int column = 0; column < kCellColumns; ++column) {
+      cells.corners.push_back(impl_->records[camera].cell(column, row));
+    }
+  }
+  return cells;
+}
+
+const CaptureGuideOptions& CaptureGuide::options() const { return impl_->options; }
+
 std::string CaptureGuide::coverage_svg(size_t camera) const {
   return calibrate::coverage_svg(*impl_, camera, advice());
 }

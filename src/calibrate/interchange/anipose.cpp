@@ -79,11 +79,13 @@ class CameraTable {
     p.fy = matrix[4];
     p.cy = matrix[5];
     SL_ASSIGN(CameraModel lens, CameraModel::create(p, place(table_)));
-    SL_ASSIGN(const auto r, list("rotation", 3));
+    if (!table_.contains("rotation") && !table_.contains("translation")) {
+      return fault("rotation",
+                   "is missing, as is 'translation': this camera has been given no place; take its "
+                   "table out, or write ignore = true into it");
+    }
+    SL_ASSIGN(Rigid3 camera_from_world, rotation());
     SL_ASSIGN(const auto t, list("translation", 3));
-    Vector6 turn = Vector6::Zero();
-    turn.head<3>() << r[0], r[1], r[2];
-    Rigid3 camera_from_world = Rigid3::exp(turn);
     camera_from_world.translation << t[0], t[1], t[2];
     CalibratedCamera out{table_["name"].value_or(otherwise), std::move(lens),
                          camera_from_world.inverse()};
@@ -96,6 +98,25 @@ class CameraTable {
   }
 
  private:
+  /// A rotation vector, or (Caliscope, some years ago) a matrix, row by row.
+  Result<Rigid3> rotation() const {
+    SL_ASSIGN(const auto r, list("rotation", 0));
+    if (r.size() == 3) {
+      Vector6 turn = Vector6::Zero();
+      turn.head<3>() << r[0], r[1], r[2];
+      return Rigid3::exp(turn);
+    }
+    constexpr double kCoarse = 1e-3;  // of numbers that were written with few digits
+    if (r.size() == 9) {
+      const Eigen::Matrix3d m =
+          Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(r.data());
+      const bool turns = (m * m.transpose() - Eigen::Matrix3d::Identity()).norm() < kCoarse;
+      if (!turns || m.determinant() < 0) return fault("rotation", "is no rotation matrix");
+      return Rigid3(Eigen::Quaterniond(m).normalized(), Eigen::Vector3d::Zero());
+    }
+    return fault("rotation", fmt::format("has {} numbers, not 3 (or 9)", r.size()));
+  }
+
   static Status set_lens(bool fisheye, const std::vector<double>& d, CameraModel::Parameters& p) {
     p.lens = fisheye        ? LensModel::kFisheye
              : d.size() > 5 ? LensModel::kRational
@@ -153,7 +174,8 @@ class CameraTable {
   const std::string& file_;
 };
 
-/// Tables of cameras: [cam_N] of anipose, [cameras.N] of Caliscope.
+/// Tables of cameras: [cam_N] of anipose, tables by the camera's name of Pose2Sim, [cameras.N] of
+/// Caliscope. What has no matrix ([metadata]) is none.
 Result<Cameras> cameras_of(const toml::table& root, const std::string& file) {
   Cameras cameras;
   const bool caliscope = root.contains("cameras");
@@ -162,7 +184,8 @@ Result<Cameras> cameras_of(const toml::table& root, const std::string& file) {
   std::vector<std::pair<std::string, const toml::table*>> found;
   for (const auto& [key, node] : *tables) {
     const std::string name(key.str());
-    if (node.is_table() && (caliscope || name.starts_with("cam"))) {
+    const bool lens = node.is_table() && node.as_table()->contains("matrix");
+    if (node.is_table() && (lens || caliscope || name.starts_with("cam"))) {
       found.emplace_back(name, node.as_table());
     }
   }
