@@ -61,6 +61,15 @@ inline bool any(Bytes v) {
 #endif
 }
 
+/// Lane by lane: -1 where a > b, else 0. AVX2 compares with an operand in memory only if told the order.
+inline Ints greater(Floats a, Floats b) {
+#if defined(__AVX2__)
+  return reinterpret_cast<Ints>(_mm256_cmp_ps(a, b, _CMP_GT_OQ));
+#else
+  return a > b;
+#endif
+}
+
 /// Lane by lane: `yes` where the mask is -1, `no` where it is 0.
 inline Floats choose(Ints mask, Floats yes, Floats no) {
 #if defined(__AVX2__)
@@ -90,20 +99,27 @@ inline unsigned bits_of_eight(const Ints (&mask)[8 / kFloats]) {
 #endif
 }
 
-/// Masks of eight lanes (0 or -1 each) to a byte each.
-inline EightBytes bytes_of_eight(const Ints (&mask)[8 / kFloats]) {
+/// Eight bytes: `value` where a mask of eight lanes (0 or -1 each) is set, else as they are.
+inline EightBytes with_value(const Ints (&mask)[8 / kFloats], EightBytes old, uint8_t value) {
 #if defined(__AVX2__)
   const __m256i wide = reinterpret_cast<__m256i>(mask[0]);
-  const __m128i low = _mm256_castsi256_si128(wide), high = _mm256_extracti128_si256(wide, 1);
-#elif defined(__SSE2__)
-  const __m128i low = reinterpret_cast<__m128i>(mask[0]), high = reinterpret_cast<__m128i>(mask[1]);
-#endif
-#ifdef __SSE2__
-  const __m128i shorts = _mm_packs_epi32(low, high);
-  return reinterpret_cast<EightBytes>(_mm_cvtsi128_si64(_mm_packs_epi16(shorts, shorts)));
+  const __m128i shorts =
+      _mm_packs_epi32(_mm256_castsi256_si128(wide), _mm256_extracti128_si256(wide, 1));
+  const __m128i mixed =
+      _mm_blendv_epi8(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(&old)),
+                      _mm_set1_epi8(static_cast<char>(value)), _mm_packs_epi16(shorts, shorts));
+  return reinterpret_cast<EightBytes>(_mm_cvtsi128_si64(mixed));
 #else
-  const auto low = reinterpret_cast<Bytes>(mask[0]), high = reinterpret_cast<Bytes>(mask[1]);
-  return __builtin_shufflevector(low, high, 0, 4, 8, 12, 16, 20, 24, 28);
+#if defined(__SSE2__)
+  const __m128i shorts =
+      _mm_packs_epi32(reinterpret_cast<__m128i>(mask[0]), reinterpret_cast<__m128i>(mask[1]));
+  const auto set = reinterpret_cast<EightBytes>(_mm_cvtsi128_si64(_mm_packs_epi16(shorts, shorts)));
+#else
+  const EightBytes set =
+      __builtin_shufflevector(reinterpret_cast<Bytes>(mask[0]), reinterpret_cast<Bytes>(mask[1]), 0,
+                              4, 8, 12, 16, 20, 24, 28);
+#endif
+  return old ^ ((old ^ (EightBytes{} + value)) & set);
 #endif
 }
 

@@ -23,19 +23,21 @@ struct M8 {
 };
 
 #ifdef __AVX2__
-inline F8 joined(FourFloats low, FourFloats high) {
-  return {{__builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7)}};
+inline F8 joined(FourFloats low, FourFloats high) { return {{_mm256_set_m128(high, low)}}; }
+inline FourFloats first_four(F8 a) { return _mm256_castps256_ps128(a.part[0]); }
+inline FourFloats last_four(F8 a) { return _mm256_extractf128_ps(a.part[0], 1); }
+inline FourInts first_four(M8 m) {
+  return reinterpret_cast<FourInts>(_mm256_castps256_ps128(reinterpret_cast<Floats>(m.part[0])));
 }
-inline auto first_four(const auto& a) {
-  return __builtin_shufflevector(a.part[0], a.part[0], 0, 1, 2, 3);
-}
-inline auto last_four(const auto& a) {
-  return __builtin_shufflevector(a.part[0], a.part[0], 4, 5, 6, 7);
+inline FourInts last_four(M8 m) {
+  return reinterpret_cast<FourInts>(_mm256_extractf128_ps(reinterpret_cast<Floats>(m.part[0]), 1));
 }
 #else
 inline F8 joined(FourFloats low, FourFloats high) { return {{low, high}}; }
-inline auto first_four(const auto& a) { return a.part[0]; }
-inline auto last_four(const auto& a) { return a.part[1]; }
+inline FourFloats first_four(F8 a) { return a.part[0]; }
+inline FourFloats last_four(F8 a) { return a.part[1]; }
+inline FourInts first_four(M8 m) { return m.part[0]; }
+inline FourInts last_four(M8 m) { return m.part[1]; }
 #endif
 
 template <typename Make>
@@ -71,7 +73,7 @@ inline F8 max(F8 a, F8 b) {
 }
 inline M8 greater(F8 a, F8 b) {
   M8 out;
-  for (int k = 0; k < kParts; ++k) out.part[k] = a.part[k] > b.part[k];
+  for (int k = 0; k < kParts; ++k) out.part[k] = vectors::greater(a.part[k], b.part[k]);
   return out;
 }
 inline M8 both(M8 a, M8 b) {
@@ -111,8 +113,7 @@ inline Vector mixed(Vector mask, Vector old, Vector fresh) {
   return old ^ ((old ^ fresh) & mask);
 }
 inline void store_bytes(uint8_t* p, M8 m, uint8_t value) {
-  vectors::store(p, mixed(vectors::bytes_of_eight(m.part), vectors::load<EightBytes>(p),
-                          EightBytes{} + value));
+  vectors::store(p, vectors::with_value(m.part, vectors::load<EightBytes>(p), value));
 }
 inline void store_byte_halves(uint8_t* p, uint8_t* q, M8 m, uint8_t value) {
   using TwoInts [[gnu::vector_size(8)]] = int32_t;
@@ -120,8 +121,7 @@ inline void store_byte_halves(uint8_t* p, uint8_t* q, M8 m, uint8_t value) {
   __builtin_memcpy(&low, p, sizeof low);
   __builtin_memcpy(&high, q, sizeof high);
   const auto old = reinterpret_cast<EightBytes>(TwoInts{low, high});
-  const auto both_rows = reinterpret_cast<TwoInts>(
-      mixed(vectors::bytes_of_eight(m.part), old, EightBytes{} + value));
+  const auto both_rows = reinterpret_cast<TwoInts>(vectors::with_value(m.part, old, value));
   low = both_rows[0];
   high = both_rows[1];
   __builtin_memcpy(p, &low, sizeof low);
