@@ -167,5 +167,26 @@ inline uint32_t bits_of_32(const Bytes (&mask)[32 / kBytes]) {
 #endif
 }
 
+/// Bits set in combine(a, b), word by word, of two arrays of so many 64-bit words.
+template <int kWords, typename Combine>
+inline int bits_set(const void* a, const void* b, Combine combine) {
+  const auto* const from_a = static_cast<const uint8_t*>(a);
+  const auto* const from_b = static_cast<const uint8_t*>(b);
+#ifdef __ARM_NEON
+  static_assert(kWords % 2 == 0 && kWords < 64, "sums in bytes");
+  uint8x16_t sums = {};
+  for (int i = 0; i < 8 * kWords; i += 16) {
+    const auto both = combine(load<uint8x16_t>(from_a + i), load<uint8x16_t>(from_b + i));
+    sums += vcntq_u8(both);
+  }
+  return vaddlvq_u8(sums);
+#else
+  int bits = 0;
+  for (int i = 0; i < 8 * kWords; i += 8)
+    bits += __builtin_popcountll(combine(load<uint64_t>(from_a + i), load<uint64_t>(from_b + i)));
+  return bits;
+#endif
+}
+
 }  // namespace
 }  // namespace sightline::vectors
