@@ -8,7 +8,7 @@ void plane_row_avx2(uint8_t* frame, const uint8_t* color, const uint8_t* alpha, 
 }
 
 void pair_row_avx2(uint8_t* frame_uv, const uint8_t* u, const uint8_t* v, const uint8_t* alpha,
-                     int n) {
+                   int n) {
   pair_row(frame_uv, u, v, alpha, n);
 }
 

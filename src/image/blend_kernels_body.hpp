@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The vector kernels' one source, compiled once for any processor of the target (SSE2, NEON) and once for AVX2. Each
-// vector of bytes is worked on as 16-bit lanes that hold an even byte low and an odd one high: no lane moves.
+// The vector kernels' one source, compiled once for any processor of the target (SSE2, NEON) and
+// once for AVX2. Each vector of bytes is worked on as 16-bit lanes that hold an even byte low and
+// an odd one high: no lane moves.
 #include "image/blend_kernels.hpp"
 #include "sightline/base/vectors.hpp"
 
@@ -15,7 +16,8 @@ inline Shorts attenuate256(Shorts in, Shorts keep) {
   return t + (t >> 8);
 }
 
-// over() on a vector of bytes: even and odd bytes have what they keep of the frame in lanes of their own.
+// over() on a vector of bytes: even and odd bytes have what they keep of the frame in lanes of
+// their own.
 inline Bytes over(Bytes in, Bytes color, Shorts keep_even, Shorts keep_odd) {
   const auto lanes = reinterpret_cast<Shorts>(in);
   const Shorts even = attenuate256(lanes & 0xff, keep_even) >> 8;

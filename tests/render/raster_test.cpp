@@ -112,12 +112,13 @@ TEST_P(RasterLensTest, BoxesMatchADoublePrecisionRayCast) {
   RasterTile tile;
   Comparison sum;
   for (int i = 0; i < 14; ++i) {
-    const Eigen::Vector3f size(static_cast<float>(dice.uniform(0.05, 0.4)),
-                               static_cast<float>(dice.uniform(0.05, 0.4)),
-                               static_cast<float>(dice.uniform(0.05, 0.4)));
+    // One by one: the order of arguments differs between targets, and so would the poses.
+    Eigen::Vector3f size;
+    for (const int axis : {2, 1, 0}) size[axis] = static_cast<float>(dice.uniform(0.05, 0.4));
     const RenderMesh mesh = make_render_mesh(make_box(size));
-    const Rigid3 pose =
-        test::pose_at(lens().model, random_pixel(dice), dice.uniform(0.6, 2.5), dice.rotation());
+    const auto turn = dice.rotation();
+    const double distance = dice.uniform(0.6, 2.5);
+    const Rigid3 pose = test::pose_at(lens().model, random_pixel(dice), distance, turn);
     rasterizer.render(mesh, pose, 2, tile);
     compare(lens(), mesh, pose, tile, 8, sum);
   }

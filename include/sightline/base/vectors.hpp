@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-// What kernels need of a processor's vectors beyond what the compiler's own vector types express: 32 bytes where
-// the including file is compiled for AVX2, else the 16 that every x86-64 (SSE2) and every arm64 (NEON) has. Each
-// function gives the same bits on all of them; without any of these it is plain code, which works everywhere.
+// What kernels need of a processor's vectors beyond what the compiler's own vector types express:
+// 32 bytes where the including file is compiled for AVX2, else the 16 that every x86-64 (SSE2) and
+// every arm64 (NEON) has. Each function gives the same bits on all of them; without any of these it
+// is plain code, which works everywhere.
 //
-// Internal linkage, and nothing of any library but the processor's own header: an inline function that is compiled
-// for AVX2 in one file could otherwise be the one that the linker takes for all.
+// Internal linkage, and nothing of any library but the processor's own header: an inline function
+// that is compiled for AVX2 in one file could otherwise be the one that the linker takes for all.
 
 #include <cstdint>
 
@@ -61,7 +62,8 @@ inline bool any(Bytes v) {
 #endif
 }
 
-/// Lane by lane: -1 where a > b, else 0. AVX2 compares with an operand in memory only if told the order.
+/// Lane by lane: -1 where a > b, else 0. AVX2 compares with an operand in memory only if told the
+/// order.
 inline Ints greater(Floats a, Floats b) {
 #if defined(__AVX2__)
   return reinterpret_cast<Ints>(_mm256_cmp_ps(a, b, _CMP_GT_OQ));
@@ -133,8 +135,8 @@ inline Bytes bytes_of_four(const Ints (&mask)[4]) {
       _mm256_permutevar8x32_epi32(mixed, _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7)));
 #elif defined(__SSE2__)
   const auto wide = [&](int k) { return reinterpret_cast<__m128i>(mask[k]); };
-  return reinterpret_cast<Bytes>(_mm_packs_epi16(_mm_packs_epi32(wide(0), wide(1)),
-                                                 _mm_packs_epi32(wide(2), wide(3))));
+  return reinterpret_cast<Bytes>(
+      _mm_packs_epi16(_mm_packs_epi32(wide(0), wide(1)), _mm_packs_epi32(wide(2), wide(3))));
 #else
   using Halves [[gnu::vector_size(16)]] = uint16_t;
   const auto even = [](Ints a, Ints b) {
@@ -153,8 +155,7 @@ inline uint32_t bits_of_32(const Bytes (&mask)[32 / kBytes]) {
   return static_cast<uint32_t>(_mm256_movemask_epi8(reinterpret_cast<__m256i>(mask[0])));
 #elif defined(__SSE2__)
   const auto low = static_cast<uint32_t>(_mm_movemask_epi8(reinterpret_cast<__m128i>(mask[0])));
-  return low |
-         static_cast<uint32_t>(_mm_movemask_epi8(reinterpret_cast<__m128i>(mask[1]))) << 16;
+  return low | static_cast<uint32_t>(_mm_movemask_epi8(reinterpret_cast<__m128i>(mask[1]))) << 16;
 #elif defined(__ARM_NEON)
   const Bytes lane = {1, 2, 4, 8, 16, 32, 64, 128, 1, 2, 4, 8, 16, 32, 64, 128};
   const uint8x16_t pairs = vpaddq_u8(mask[0] & lane, mask[1] & lane);

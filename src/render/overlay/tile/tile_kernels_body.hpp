@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The kernels' one source, compiled for any processor of the target (SSE2, NEON) and for AVX2; in the
-// tests once more as plain loops (SIGHTLINE_TILE_PLAIN). Includes nothing but their header and that of
-// the vectors, so that no inline function of a library is compiled for AVX2 and then shared.
+// The kernels' one source, compiled for any processor of the target (SSE2, NEON) and for AVX2; in
+// the tests once more as plain loops (SIGHTLINE_TILE_PLAIN). Includes nothing but their header and
+// that of the vectors, so that no inline function of a library is compiled for AVX2 and then
+// shared.
 #include "render/overlay/tile/tile_kernels.hpp"
 #include "sightline/base/vectors.hpp"
 
