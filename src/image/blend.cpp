@@ -25,10 +25,10 @@ namespace {
 
 const Kernels& kernels() {
 #ifdef SIGHTLINE_X86_64
-  static const Kernels& chosen = cpu_has_avx2() ? kAvx2 : kScalar;
+  static const Kernels& chosen = cpu_has_avx2() ? kAvx2 : kVector;
   return chosen;
 #else
-  return kScalar;
+  return kVector;
 #endif
 }
 

@@ -33,8 +33,13 @@ void pair_row_scalar(uint8_t* frame_uv, const uint8_t* u, const uint8_t* v, cons
                      int n);
 
 constexpr Kernels kScalar{&plane_row_scalar, &pair_row_scalar};
+/// The same to the bit by the vectors that each processor of the target has.
+void plane_row_vector(uint8_t* frame, const uint8_t* color, const uint8_t* alpha, int n);
+void pair_row_vector(uint8_t* frame_uv, const uint8_t* u, const uint8_t* v, const uint8_t* alpha,
+                     int n);
+constexpr Kernels kVector{&plane_row_vector, &pair_row_vector};
 #ifdef SIGHTLINE_X86_64
-/// Bit-identical to the scalar kernels; only on processors that have AVX2.
+/// The same to the bit; only on processors that have AVX2.
 void plane_row_avx2(uint8_t* frame, const uint8_t* color, const uint8_t* alpha, int n);
 void pair_row_avx2(uint8_t* frame_uv, const uint8_t* u, const uint8_t* v, const uint8_t* alpha,
                    int n);

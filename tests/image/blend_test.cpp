@@ -33,9 +33,16 @@ TEST(BlendKernel, RoundsExactlyForAllValues) {
   }
 }
 
+// What this processor runs of the vector kernels.
+std::vector<blend::Kernels> vector_kernels() {
+  std::vector<blend::Kernels> all{blend::kVector};
 #ifdef SIGHTLINE_X86_64
-TEST(BlendKernel, Avx2EqualsScalarBitForBit) {
-  if (!cpu_has_avx2()) GTEST_SKIP() << "no AVX2 here";
+  if (cpu_has_avx2()) all.push_back(blend::kAvx2);
+#endif
+  return all;
+}
+
+TEST(BlendKernel, VectorsEqualScalarBitForBit) {
   std::mt19937 random(3);
   for (int n = 0; n < 200; ++n) {
     const auto size = static_cast<size_t>(n);
@@ -47,16 +54,17 @@ TEST(BlendKernel, Avx2EqualsScalarBitForBit) {
       u[i] = empty ? 0 : static_cast<uint8_t>(random());
       v[i] = empty ? 0 : static_cast<uint8_t>(random());
     }
-    Bytes a = frame, b = frame;
-    blend::kScalar.plane(a.data(), u.data(), alpha.data(), n);
-    blend::kAvx2.plane(b.data(), u.data(), alpha.data(), n);
-    ASSERT_EQ(a, b) << n;
-    blend::kScalar.pair(a.data(), u.data(), v.data(), alpha.data(), n);
-    blend::kAvx2.pair(b.data(), u.data(), v.data(), alpha.data(), n);
-    ASSERT_EQ(a, b) << n;
+    for (const blend::Kernels& kernels : vector_kernels()) {
+      Bytes a = frame, b = frame;
+      blend::kScalar.plane(a.data(), u.data(), alpha.data(), n);
+      kernels.plane(b.data(), u.data(), alpha.data(), n);
+      ASSERT_EQ(a, b) << n;
+      blend::kScalar.pair(a.data(), u.data(), v.data(), alpha.data(), n);
+      kernels.pair(b.data(), u.data(), v.data(), alpha.data(), n);
+      ASSERT_EQ(a, b) << n;
+    }
   }
 }
-#endif
 
 // A random tile of even size, in memory of exactly its size.
 struct Tile {

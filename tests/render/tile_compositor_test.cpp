@@ -13,6 +13,9 @@
 #include "test_images.hpp"
 
 namespace sightline {
+namespace tile {
+extern const Kernels kPlainKernels;  // tile_kernels_plain.cpp
+}
 namespace {
 
 using test::GrayImage;
@@ -145,7 +148,7 @@ TEST(TileCompositor, ShortcutsChangeNothing) {
   const auto dice = [&](int low, int high) {
     return low + static_cast<int>(random() % static_cast<unsigned>(high - low + 1));
   };
-  const tile::Kernels& kernels = tile::kScalarKernels;
+  const tile::Kernels& kernels = tile::kBaseKernels;
   TileCompositor compositor(640, 480);
   for (int round = 0; round < 40; ++round) {
     const int width = 2 * dice(8, 170), height = 2 * dice(8, 60);
@@ -208,13 +211,9 @@ TEST(TileCompositor, ShortcutsChangeNothing) {
   }
 }
 
-TEST(TileKernels, ScalarAndAvx2AreBitIdentical) {
-#ifndef SIGHTLINE_X86_64
-  GTEST_SKIP() << "not an x86-64 build";
-#else
-  if (!cpu_has_avx2()) GTEST_SKIP() << "no AVX2 here";
-  const tile::Kernels& a = tile::kScalarKernels;
-  const tile::Kernels& b = tile::kAvx2Kernels;
+// Plain loops (tile_kernels_plain.cpp) against the vectors `b`.
+void expect_same_bits(const tile::Kernels& b) {
+  const tile::Kernels& a = tile::kPlainKernels;
   std::mt19937 random(7);
   const auto bytes = [&](size_t n, int max) {
     std::vector<uint8_t> v(n);
@@ -237,11 +236,17 @@ TEST(TileKernels, ScalarAndAvx2AreBitIdentical) {
     for (auto& set : out) {
       for (auto& plane : set) plane.assign(n, 9);
     }
-    for (int k = 0; k < 2; ++k) {
-      (k == 0 ? a : b)
-          .classify(object.data(), scene.data(), 1.013f, out[k][0].data(), out[k][1].data(),
-                    out[k][2].data(), count);
+    std::array<tile::CoveredSpan, 2> spans;
+    for (size_t k = 0; k < 2; ++k) {
+      spans[k] = (k == 0 ? a : b)
+                     .classify(object.data(), n == 64 ? nullptr : scene.data(), 1.013f,
+                               out[k][0].data(), out[k][1].data(), out[k][2].data(), count);
     }
+    EXPECT_EQ(spans[0].first, spans[1].first);
+    EXPECT_EQ(spans[0].end, spans[1].end);
+    EXPECT_EQ(spans[0].gap, spans[1].gap);
+    EXPECT_EQ(spans[0].last_run, spans[1].last_run);
+    EXPECT_EQ(spans[0].hidden, spans[1].hidden);
     EXPECT_EQ(out[0][0], out[1][0]);
     EXPECT_EQ(out[0][1], out[1][1]);
     EXPECT_EQ(out[0][2], out[1][2]);
@@ -339,6 +344,18 @@ TEST(TileKernels, ScalarAndAvx2AreBitIdentical) {
     }
     for (int plane = 0; plane < 3; ++plane) EXPECT_EQ(uva[0][plane], uva[1][plane]);
   }
+}
+
+TEST(TileKernels, VectorsOfEachProcessorEqualPlainLoopsBitForBit) {
+  expect_same_bits(tile::kBaseKernels);
+}
+
+TEST(TileKernels, Avx2EqualsPlainLoopsBitForBit) {
+#ifndef SIGHTLINE_X86_64
+  GTEST_SKIP() << "not an x86-64 build";
+#else
+  if (!cpu_has_avx2()) GTEST_SKIP() << "no AVX2 here";
+  expect_same_bits(tile::kAvx2Kernels);
 #endif
 }
 

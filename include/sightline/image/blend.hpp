@@ -15,7 +15,7 @@ struct OverlayTileView {
   PlaneView alpha, chroma_alpha;  ///< w x h; w/2 x h/2
 };
 
-/// Blends the tile into the frame in place, clipped to the frame. AVX2 where the processor has it,
+/// Blends the tile into the frame in place, clipped to the frame. By the vectors of the processor,
 /// bit-identical to the scalar kernel. Nothing allocates.
 void blend_tile(const OverlayTileView& tile, const MutableI420View& frame);
 void blend_tile(const OverlayTileView& tile, const MutableNv12View& frame);

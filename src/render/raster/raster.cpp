@@ -23,10 +23,11 @@ using raster::Target;
 using raster::Triangle;
 
 const Kernels& choose(RasterKernel requested) {
+  if (requested == RasterKernel::kScalar) return raster::scalar_kernels();
   const Kernels* const fast = raster::avx2_kernels();
   const bool possible = fast != nullptr && cpu_has_avx2();
   SL_CHECK(requested != RasterKernel::kAvx2 || possible, "AVX2 asked of a processor without it");
-  return possible && requested != RasterKernel::kScalar ? *fast : raster::scalar_kernels();
+  return possible && requested != RasterKernel::kVector ? *fast : raster::vector_kernels();
 }
 
 constexpr float kInf = std::numeric_limits<float>::infinity();

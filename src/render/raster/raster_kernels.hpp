@@ -4,9 +4,9 @@
 #include <cstddef>
 #include <cstdint>
 
-// The inner loops of the CPU rasterizer, compiled twice (plain and AVX2). Only plain structs cross
-// this border: an inline function of a library compiled with AVX2 could otherwise be picked by the
-// linker for processors that lack it.
+// The inner loops of the CPU rasterizer, compiled for plain lanes, vectors and AVX2. Only plain
+// structs cross this border: an inline function of a library compiled with AVX2 could otherwise be
+// picked by the linker for processors that lack it.
 
 namespace sightline::raster {
 
@@ -103,6 +103,8 @@ struct Kernels {
 };
 
 const Kernels& scalar_kernels();
+/// By the vectors that each processor of the target has.
+const Kernels& vector_kernels();
 /// Null if this build has none.
 const Kernels* avx2_kernels();
 

@@ -15,8 +15,10 @@ namespace raster {
 struct DrawJob;
 }
 
-/// How the inner loops run. kAuto takes AVX2 where the processor has it; both give the same bits.
-enum class RasterKernel { kAuto, kScalar, kAvx2 };
+/// How the inner loops run: lane by lane, by the vectors that each processor of the target has
+/// (SSE2, NEON), by AVX2. kAuto takes AVX2 where the processor has it, else kVector. All give the
+/// same bits.
+enum class RasterKernel { kAuto, kScalar, kVector, kAvx2 };
 
 /// The CPU rasterizer of one camera: triangles are tested at the rays of a RayTable, so the mask is
 /// that of a double-precision ray cast through the exact lens. Pixels that float arithmetic cannot

@@ -4,29 +4,22 @@
 #include <cstring>
 
 #include "observe/detect/pixels/scan_kernel.hpp"
+#include "sightline/base/vectors.hpp"
 
 namespace sightline::observe {
 namespace {
 
 // As wide as the processor that this file is compiled for has them; the sums are the same.
-#ifdef __AVX2__
-constexpr int kBytes = 32;
-#else
-constexpr int kBytes = 16;
-#endif
+using vectors::Bytes;
+using vectors::kBytes;
 constexpr int kBlock = 64;  // columns: wider ones are seldom left out, shorter ones cost more
 constexpr size_t kMostOfFeature = 8;  // its response
-using Bytes = uint8_t __attribute__((vector_size(kBytes)));
 
 template <int kVectors>
 inline bool any_reaches(const Bytes (&sum)[kVectors], uint8_t threshold) {
-  Bytes any = {};
-  for (int k = 0; k < kVectors; ++k) any |= (Bytes)(sum[k] >= threshold);
-  uint64_t words[kBytes / 8];
-  std::memcpy(words, &any, sizeof words);
-  uint64_t all = 0;
-  for (const uint64_t word : words) all |= word;
-  return all != 0;
+  Bytes reached = {};
+  for (int k = 0; k < kVectors; ++k) reached |= (Bytes)(sum[k] >= threshold);
+  return vectors::any(reached);
 }
 
 template <int kVectors>

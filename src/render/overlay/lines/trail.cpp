@@ -13,25 +13,27 @@ class FadingLine {
   FadingLine(const FrameTarget& target, const Subject& subject)
       : target_(target), subject_(subject) {}
 
-  void gap() { previous_.reset(); }
+  void gap() { begun_ = false; }
   /// `age`: 0 now .. 1 gone. Points that are close to the one before are left out, but the last.
   void add(const std::optional<Eigen::Vector2d>& pixel, double age, bool last) {
     if (!pixel) return gap();
     const draw::Point here = pixel->cast<float>();
     constexpr float kShortest = 3;
-    if (previous_ && !last && (here - *previous_).norm() < kShortest) return;
-    if (previous_) {
+    if (begun_ && !last && (here - previous_).norm() < kShortest) return;
+    if (begun_) {
       const auto opacity = static_cast<float>(std::clamp(1 - age, 0.0, 1.0));
-      draw::line(target_.canvas, *previous_, here,
+      draw::line(target_.canvas, previous_, here,
                  {subject_.line_style.color, subject_.line_style.line_px, opacity, false});
     }
     previous_ = here;
+    begun_ = true;
   }
 
  private:
   const FrameTarget& target_;
   const Subject& subject_;
-  std::optional<draw::Point> previous_;
+  draw::Point previous_ = draw::Point::Zero();  // no optional: g++ 12 for arm64 warns of its value
+  bool begun_ = false;
 };
 
 }  // namespace

@@ -7,7 +7,7 @@
 namespace sightline::tile {
 
 /// Row kernels of the tile compositor. Whole-number arithmetic (and one float product that is only
-/// compared), so the scalar and the AVX2 build give the same bits.
+/// compared), so plain loops, SSE2, AVX2 and NEON give the same bits.
 
 /// The silhouette, blurred with the binomial filter of seven taps, tells a pixel's distance to its
 /// edge: kInside deep inside, 0 outside, half of it on the edge.
@@ -100,7 +100,8 @@ struct Kernels {
 /// The best that this processor runs.
 const Kernels& kernels();
 
-extern const Kernels kScalarKernels;
+/// By the vectors that each processor of the target has.
+extern const Kernels kBaseKernels;
 #ifdef SIGHTLINE_X86_64
 extern const Kernels kAvx2Kernels;
 #endif

@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The kernels' one source, compiled twice: for any processor and for AVX2. Includes nothing but
-// their header and intrinsics, so that no inline function of a library is compiled for AVX2 and
-// then shared.
+// The kernels' one source, compiled for any processor of the target (SSE2, NEON) and for AVX2; in
+// the tests once more as plain loops (SIGHTLINE_TILE_PLAIN). Includes nothing but their header and
+// that of the vectors, so that no inline function of a library is compiled for AVX2 and then
+// shared.
 #include "render/overlay/tile/tile_kernels.hpp"
-
-#ifdef __AVX2__
-#include <immintrin.h>
-#endif
+#include "sightline/base/vectors.hpp"
 
 namespace sightline::tile {
 namespace {
@@ -32,19 +30,6 @@ inline U16 ramp(U16 value, U16 low, U16 gain) {
   const U16 alpha = static_cast<U16>(static_cast<U16>(above * gain) >> 4);
   return alpha < 255 ? alpha : U16{255};
 }
-
-#ifdef __AVX2__
-/// Eight comparisons to a register, packed to bytes: 32 pixels at a time.
-inline __m256i packed(__m256i a, __m256i b, __m256i c, __m256i d) {
-  const __m256i mixed = _mm256_packs_epi16(_mm256_packs_epi32(a, b), _mm256_packs_epi32(c, d));
-  return _mm256_permutevar8x32_epi32(mixed, _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7));
-}
-inline __m256i load_bytes(const U8* p) {
-  return _mm256_loadu_si256(reinterpret_cast<const __m256i*>(p));
-}
-inline void store_bytes(U8* p, __m256i v) { _mm256_storeu_si256(reinterpret_cast<__m256i*>(p), v); }
-
-#endif
 
 /// Columns of covered pixels, gathered in order.
 struct Runs {
@@ -78,43 +63,50 @@ struct Runs {
   }
 };
 
-#ifdef __AVX2__
+#ifndef SIGHTLINE_TILE_PLAIN
+using vectors::Bytes;
+using vectors::Floats;
+constexpr int kParts = 32 / vectors::kBytes;  // of 32 pixels
+
+/// Where so many pixels are nearer than others times a factor: 255 there, else 0.
+inline Bytes nearer(const float* these, const float* others, float factor) {
+  vectors::Ints in[4];
+  for (int k = 0; k < 4; ++k) {
+    const Floats far = others == nullptr
+                           ? Floats{}
+                           : vectors::load<Floats>(others + k * vectors::kFloats) * factor;
+    in[k] = vectors::load<Floats>(these + k * vectors::kFloats) > far;
+  }
+  return vectors::bytes_of_four(in);
+}
+
 /// classify() of a row of at least 32 pixels. Tells whether anything is behind the scene.
 inline bool classify32(const float* object, const float* scene, float factor, U8* mask, U8* hidden,
                        U8* columns, int n, Runs& runs) {
-  const __m256 zero = _mm256_setzero_ps();
-  const __m256 scale = _mm256_set1_ps(factor);
-  __m256i any_hidden = _mm256_setzero_si256();
+  Bytes any_hidden = {};
   // The last step overlaps the one before it; what it tells anew is shifted out.
   for (int begin = 0; begin < n; begin += 32) {
     const int x = begin + 32 <= n ? begin : n - 32;
-    __m256 z[4];
-    __m256i in[4];
-    for (int k = 0; k < 4; ++k) {
-      z[k] = _mm256_loadu_ps(object + x + 8 * k);
-      in[k] = _mm256_castps_si256(_mm256_cmp_ps(z[k], zero, _CMP_GT_OQ));
+    Bytes inside[kParts];
+    for (int k = 0; k < kParts; ++k) {
+      const int at = x + k * vectors::kBytes;
+      inside[k] = nearer(object + at, nullptr, 1);
+      vectors::store(mask + at, inside[k]);
     }
-    const __m256i inside = packed(in[0], in[1], in[2], in[3]);
-    const auto covered = static_cast<unsigned>(_mm256_movemask_epi8(inside));
-    store_bytes(mask + x, inside);
+    const uint32_t covered = vectors::bits_of_32(inside);
     runs.add(covered >> (begin - x), begin);
-    if (covered == 0 || scene == nullptr) {
-      store_bytes(hidden + x, _mm256_setzero_si256());
-      if (covered != 0) store_bytes(columns + x, _mm256_or_si256(load_bytes(columns + x), inside));
-      continue;
+    for (int k = 0; k < kParts; ++k) {
+      const int at = x + k * vectors::kBytes;
+      Bytes behind = {};
+      if (covered != 0) {
+        if (scene != nullptr) behind = inside[k] & nearer(scene + at, object + at, factor);
+        vectors::store(columns + at, vectors::load<Bytes>(columns + at) | inside[k]);
+      }
+      vectors::store(hidden + at, behind);
+      any_hidden |= behind;
     }
-    __m256i nearer[4];
-    for (int k = 0; k < 4; ++k) {
-      nearer[k] = _mm256_castps_si256(_mm256_cmp_ps(_mm256_loadu_ps(scene + x + 8 * k),
-                                                    _mm256_mul_ps(z[k], scale), _CMP_GT_OQ));
-    }
-    const __m256i behind =
-        _mm256_and_si256(inside, packed(nearer[0], nearer[1], nearer[2], nearer[3]));
-    store_bytes(hidden + x, behind);
-    store_bytes(columns + x, _mm256_or_si256(load_bytes(columns + x), inside));
-    any_hidden = _mm256_or_si256(any_hidden, behind);
   }
-  return _mm256_testz_si256(any_hidden, any_hidden) == 0;
+  return vectors::any(any_hidden);
 }
 #endif
 
@@ -145,7 +137,7 @@ bool classify_rest(const float* __restrict object, const float* __restrict scene
 CoveredSpan classify(const float* object, const float* scene, float factor, U8* mask, U8* hidden,
                      U8* columns, int n) {
   Runs runs;
-#ifdef __AVX2__
+#ifndef SIGHTLINE_TILE_PLAIN
   if (n >= 32) {
     const bool hides = classify32(object, scene, factor, mask, hidden, columns, n, runs);
     return runs.result(hides);
