@@ -144,9 +144,10 @@ void print_table(const CellOptions& cell, const CellSurvey& survey, double secon
     for (const auto& [object, holds] : neighbor.bids) {
       objects.push_back(holds ? object + " (publishes it)" : object);
     }
-    fmt::print("next cell {}: {} keeps the estimates; sees {}\n", name,
-               neighbor.fusion.empty() ? "nobody" : neighbor.fusion,
-               objects.empty() ? "none of the objects here" : fmt::format("{}", fmt::join(objects, ", ")));
+    fmt::print(
+        "next cell {}: {} keeps the estimates; sees {}\n", name,
+        neighbor.fusion.empty() ? "nobody" : neighbor.fusion,
+        objects.empty() ? "none of the objects here" : fmt::format("{}", fmt::join(objects, ", ")));
   }
   std::string counts;
   const size_t known = std::min(survey.verdicts().size(), kCellVerdicts);

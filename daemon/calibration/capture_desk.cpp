@@ -95,7 +95,7 @@ Result<CaptureSessionOptions> session_options(const CaptureOrder& order,
     const CameraModel& lens = installation.cameras[i].calibration.model;
     CameraPrior prior{lens.parameters().lens, {}};
     if (order.keep_lenses) prior.known = lens;
-    options.solve.cameras.push_back(std::move(prior));
+    options.solve.cameras.push_back(prior);
   }
   if (order.resume) {
     SL_ASSIGN(options.earlier, newest_views());

@@ -128,8 +128,8 @@ void name_page(Installation& installation) {
   const bool v6 = address.find(':') != std::string::npos;
   std::string host = any ? machine_name() : v6 ? "[" + address + "]" : address;
   if (!http.server.names.empty()) host = http.server.names.front();
-  const std::string page = fmt::format("{}://{}:{}/", http.server.tls.any() ? "https" : "http",
-                                       host, http.server.port);
+  const std::string page =
+      fmt::format("{}://{}:{}/", http.server.tls.any() ? "https" : "http", host, http.server.port);
   if (is_page_address(page)) cell.page = page;
 }
 

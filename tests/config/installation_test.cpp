@@ -102,8 +102,9 @@ cell = "site/a"
 TEST(Installation, OtherHostsAreToldWhereThePageIs) {
   if (!cell_available()) GTEST_SKIP();
   const auto page = [](const std::string& cell, const std::string& http) {
-    return parsed("calibration = \"calibration.toml\"\n[cell]\nbroker = \"b\"\nhost = \"f\"\n" + cell +
-                  "[http]\n" + http + "[[camera]]\nname = \"left\"\nsource = \"replay:rec\"\n")
+    return parsed("calibration = \"calibration.toml\"\n[cell]\nbroker = \"b\"\nhost = \"f\"\n" +
+                  cell + "[http]\n" + http +
+                  "[[camera]]\nname = \"left\"\nsource = \"replay:rec\"\n")
         .cell.page;
   };
   EXPECT_EQ(page("", ""), "") << "loopback";

@@ -179,8 +179,17 @@ TEST(CellWire, ALostObjectHasNoPose) {
 }
 
 TEST(CellWire, StatesComeBack) {
-  const CellHostState s{"hall-2",      5,   true, CellRole::kCameras, 1'700'000'000'000'000'000,
-                        {{"left", 8, true}}, 1ms, true, "chrony", "https://hall-2:9754/", 7,
+  const CellHostState s{"hall-2",
+                        5,
+                        true,
+                        CellRole::kCameras,
+                        1'700'000'000'000'000'000,
+                        {{"left", 8, true}},
+                        1ms,
+                        true,
+                        "chrony",
+                        "https://hall-2:9754/",
+                        7,
                         {9, 1}};
   const auto again = decode_host_state(encode(s));
   ASSERT_TRUE(again);

@@ -87,8 +87,7 @@ class CameraTable {
     SL_ASSIGN(Rigid3 camera_from_world, rotation());
     SL_ASSIGN(const auto t, list("translation", 3));
     camera_from_world.translation << t[0], t[1], t[2];
-    CalibratedCamera out{table_["name"].value_or(otherwise), std::move(lens),
-                         camera_from_world.inverse()};
+    CalibratedCamera out{table_["name"].value_or(otherwise), lens, camera_from_world.inverse()};
     if (!(out.world_from_camera.translation.norm() < kFarthest)) {
       return fault("translation", "is no place of a camera");
     }

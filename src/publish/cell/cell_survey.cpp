@@ -150,7 +150,8 @@ std::vector<std::string> CellSurvey::faults() const {
   for (const auto& [name, neighbor] : neighbors_) {
     if (!neighbor.fusion.empty()) continue;
     faults.push_back(fmt::format(
-        "cell {} next to this one: nobody keeps its estimates, or the brokers do not bridge", name));
+        "cell {} next to this one: nobody keeps its estimates, or the brokers do not bridge",
+        name));
   }
   if (malformed_ > 0) {
     faults.push_back(

@@ -294,7 +294,7 @@ void compose_blocks(const InkStyle& ink_style, const RowIn& in, const RowOut& to
                            kBlock);
     } else {
       if (in.dashes > 0) dash(in.first_dx + static_cast<float>(x), in.dy, in.dashes, dashes, count);
-      const auto all = [&](int pixels) [[gnu::always_inline]] {
+      const auto all = [&](int pixels) __attribute__((always_inline)) {
         compose_row<kOwn>(ink_style, in.mask + x, in.hidden + x, in.blurred + x,
                           in.blurred_hidden + x, in.shade + x, dashes, in.hatch + x, own_luma,
                           to.luma + x, to.alpha + x, to.visible_ink + x, to.xray_ink + x, own_ink,
