@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Two cells, two brokers that bridge, an object that goes from one to the other and back: one name, one cell that publishes
 it at a time, no frame without. What happens when the other cell's fusion host or broker dies. Figures are printed."""
+import json
 import math
 import os
 import shutil
@@ -15,9 +16,11 @@ import unittest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "page"))
+from browser import Browser, chromium  # noqa: E402
 from cell_support import BENCH, MOSQUITTO, encode, missing  # noqa: E402
 from neighbor_support import NeighborsCase, Truth  # noqa: E402
-from support import WAIT_S, read_text, sightline, wait_until  # noqa: E402
+from support import BIN, WAIT_S, read_text, sightline, wait_until  # noqa: E402
 
 FRAME_NS = 33_333_333
 POSED = ("tracking", "degraded", "coasting")
@@ -98,6 +101,37 @@ class Neighbors(NeighborsCase):
         wait_until(lambda: seen.update({self.keeper(both)} if self.object_state(both) == "tracking" else ()) or
                    seen == set(self.CELLS), "it shows the object, whoever has it")
         self.assertEqual(self.faults(both), before)
+
+    def test_page_and_status_show_the_cell(self):
+        self.both_cells()
+        config = os.path.join(os.path.dirname(self.cameras[0].log_path), "sightline.toml")
+        wait_until(lambda: self.status_of(config)["neighbors"][0]["objects"], "the neighbor's bids are heard")
+        status = self.status_of(config)
+        self.assertEqual((status["neighbors"][0]["cell"], status["neighbors"][0]["fusion"]), ("site/b", "f"))
+        self.assertTrue(all(not camera["away"] for host in status["hosts"] for camera in host["cameras"]), status)
+        if not chromium():
+            self.skipTest("no Chromium")
+        browser = Browser()
+        self.addCleanup(browser.close)
+        browser.go(f"http://127.0.0.1:{self.cameras[0].http}/")
+        text = "document.getElementById('cell').innerText"
+        browser.wait_for(f"{text}.includes('keeps the estimates') && {text}.includes('next: site/b')", "the page shows the cell")
+        said = browser.run(text)
+        for host in status["hosts"]:
+            self.assertIn(host["host"], said)
+        self.assertIn("this host", said)
+        if os.environ.get("SIGHTLINE_SCREENSHOTS"):
+            browser.screenshot(os.path.join(os.environ["SIGHTLINE_SCREENSHOTS"], "cell.png"), whole=True)
+        browser.go(f"http://127.0.0.1:{self.cameras[0].http}/?camera=side")  # as another host's page links to it
+        browser.wait_for("!document.getElementById('all').hidden", "the camera is shown large")
+        self.assertEqual(browser.problems, [])
+
+    @staticmethod
+    def status_of(config):
+        """What `sightline cell status` says; something may be missing yet."""
+        done = subprocess.run([os.path.join(BIN, "sightline"), "cell", "status", "--config", config, "--json"],
+                              capture_output=True, text=True, timeout=WAIT_S, check=False)
+        return json.loads(done.stdout)
 
     def test_the_keepers_fusion_host_dies(self):
         self.both_cells()
