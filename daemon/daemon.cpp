@@ -58,7 +58,7 @@ Daemon::Daemon(const DaemonOptions& options, std::shared_ptr<HttpWaker> waker)
                {},
                {},
                options.request_reload},
-      captures_(std::make_shared<CaptureDesk>(beats_, context_.taps)),
+      captures_(std::make_shared<CaptureService>(beats_, context_.taps)),
       orders_(options.request_orders, waker_) {
   system_.publish(std::make_shared<const System>());
   config_.publish(std::make_shared<const ConfigReport>());

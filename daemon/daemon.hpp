@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "calibration/capture_desk.hpp"
+#include "calibration/capture_service.hpp"
 #include "order_queue.hpp"
 #include "system/overlay_overrides.hpp"
 #include "system/system_builder.hpp"
@@ -106,7 +106,7 @@ class Daemon {
   SourceFactory sources_{registry_};
   const std::shared_ptr<HttpWaker> waker_;
   SystemContext context_;  // complete after prepare_web()
-  const std::shared_ptr<CaptureDesk> captures_;
+  const std::shared_ptr<CaptureService> captures_;
   OrderQueue orders_;
   OverlayOverrides overlays_;
   std::stop_token orders_stop_;  // the control thread's, as the next two

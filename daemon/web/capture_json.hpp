@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "calibration/capture_desk.hpp"
+#include "calibration/capture_service.hpp"
 #include "calibration/capture_targets.hpp"
 
 namespace sightline {

@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "calibration/capture_desk.hpp"
+#include "calibration/capture_service.hpp"
 #include "heartbeat.hpp"
 #include "recording/recording_manager.hpp"
 #include "sightline/control/http_content.hpp"
@@ -29,7 +29,7 @@ struct WebSources {
   std::shared_ptr<PictureBoard> pictures;
   std::shared_ptr<RecordingManager> recordings;
   std::shared_ptr<WhepService> whep;
-  std::shared_ptr<CaptureDesk> captures;
+  std::shared_ptr<CaptureService> captures;
   std::shared_ptr<HttpWaker> waker;
 };
 

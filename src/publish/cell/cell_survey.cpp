@@ -91,8 +91,8 @@ void CellSurvey::hear_claim_of(Neighbor& neighbor, std::string_view payload) {
 // False: the message is this cell's own.
 bool CellSurvey::hear_neighbor(std::string_view topic, std::string_view payload) {
   for (auto& [name, neighbor] : neighbors_) {
-    const CellTopics topics(name);
     if (!topic.starts_with(name + "/")) continue;
+    const CellTopics topics(name);
     if (topic == topics.fusion()) {
       hear_claim_of(neighbor, payload);
     } else {

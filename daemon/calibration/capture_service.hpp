@@ -48,10 +48,10 @@ struct CaptureShown {
 /// at most one at a time, on a thread ("capture") beside those that look for the target. Each has a
 /// folder of its own in the state folder (captures/TIME), with what `sightline calibrate capture`
 /// writes; the calibration in force is not touched. Lives as long as the process.
-class CaptureDesk {
+class CaptureService {
  public:
-  CaptureDesk(HeartbeatBoard& beats, std::shared_ptr<FrameTaps> taps);
-  ~CaptureDesk();
+  CaptureService(HeartbeatBoard& beats, std::shared_ptr<FrameTaps> taps);
+  ~CaptureService();
 
   /// True while one takes views or solves. Any thread.
   bool busy() const;

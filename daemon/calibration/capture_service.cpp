@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calibration/capture_desk.hpp"
+#include "calibration/capture_service.hpp"
 
 #include <algorithm>
 
@@ -105,7 +105,7 @@ Result<CaptureSessionOptions> session_options(const CaptureOrder& order,
 
 }  // namespace
 
-struct CaptureDesk::Run {
+struct CaptureService::Run {
   std::shared_ptr<CaptureSession> session;
   std::vector<std::string> names;
   CaptureShown about;  // what does not change
@@ -113,22 +113,23 @@ struct CaptureDesk::Run {
   std::string ended_by{};  // what ended it, unless it passed
 };
 
-CaptureDesk::CaptureDesk(HeartbeatBoard& beats, std::shared_ptr<FrameTaps> taps)
+CaptureService::CaptureService(HeartbeatBoard& beats, std::shared_ptr<FrameTaps> taps)
     : beats_(beats), taps_(std::move(taps)) {
   shown_.publish(std::make_shared<const CaptureShown>());
 }
 
-CaptureDesk::~CaptureDesk() {
+CaptureService::~CaptureService() {
   thread_.request_stop();
   if (thread_.joinable()) thread_.join();
 }
 
-bool CaptureDesk::busy() const {
+bool CaptureService::busy() const {
   const CapturePhase phase = shown_.read()->phase;
   return phase == CapturePhase::kRunning || phase == CapturePhase::kSolving;
 }
 
-Result<fs::path> CaptureDesk::start(const CaptureOrder& order, const Installation& installation) {
+Result<fs::path> CaptureService::start(const CaptureOrder& order,
+                                       const Installation& installation) {
   SL_ASSIGN(const std::vector<size_t> cameras, choose_cameras(order, installation));
   SL_ASSIGN(const CaptureSessionOptions options, session_options(order, installation, cameras));
   const auto run = std::make_shared<Run>();
@@ -156,7 +157,7 @@ Result<fs::path> CaptureDesk::start(const CaptureOrder& order, const Installatio
   return about.folder;
 }
 
-Status CaptureDesk::conclude() {
+Status CaptureService::conclude() {
   if (shown_.read()->phase != CapturePhase::kRunning) {
     return make_error(ErrorCode::kNotFound, "capture", "there is none that could be stopped");
   }
@@ -164,19 +165,19 @@ Status CaptureDesk::conclude() {
   return {};
 }
 
-bool CaptureDesk::stop(Duration patience) {
+bool CaptureService::stop(Duration patience) {
   const std::lock_guard lock(mutex_);
   stopped_ = true;
   thread_.request_stop();
   return !thread_.joinable() || thread_.heartbeat().wait_for_end(patience);
 }
 
-void CaptureDesk::wait_a_turn(const std::stop_token& stop) {
+void CaptureService::wait_a_turn(const std::stop_token& stop) {
   std::unique_lock lock(turn_mutex_);
   never_.wait_for(lock, stop, kTurn, [] { return false; });
 }
 
-void CaptureDesk::show(CapturePhase phase, const Run& run, const CaptureState& state) {
+void CaptureService::show(CapturePhase phase, const Run& run, const CaptureState& state) {
   auto shown = std::make_shared<CaptureShown>(run.about);
   shown->phase = phase;
   shown->words = phase == CapturePhase::kSolving ? "what was taken is being solved"
@@ -194,7 +195,7 @@ void CaptureDesk::show(CapturePhase phase, const Run& run, const CaptureState& s
   shown_.publish(std::move(shown));
 }
 
-void CaptureDesk::run(const std::stop_token& stop, Heartbeat& heartbeat, Run& run) {
+void CaptureService::run(const std::stop_token& stop, Heartbeat& heartbeat, Run& run) {
   Status done = watch(stop, heartbeat, run);
   if (taps_->targets.read() == run.session->frames()) taps_->targets.publish(nullptr);
   if (done) done = finish(stop, heartbeat, run);
@@ -209,7 +210,7 @@ void CaptureDesk::run(const std::stop_token& stop, Heartbeat& heartbeat, Run& ru
   run.session->stop();
 }
 
-Status CaptureDesk::watch(const std::stop_token& stop, Heartbeat& heartbeat, Run& run) {
+Status CaptureService::watch(const std::stop_token& stop, Heartbeat& heartbeat, Run& run) {
   size_t kept = SIZE_MAX;
   std::string words;
   while (!stop.stop_requested()) {
@@ -233,7 +234,7 @@ Status CaptureDesk::watch(const std::stop_token& stop, Heartbeat& heartbeat, Run
   return make_error(ErrorCode::kUnavailable, "capture", "the daemon was stopped");
 }
 
-Status CaptureDesk::finish(const std::stop_token& stop, Heartbeat& heartbeat, Run& run) {
+Status CaptureService::finish(const std::stop_token& stop, Heartbeat& heartbeat, Run& run) {
   run.session->conclude();
   CaptureState state = run.session->state();
   for (; !state.concluded; state = run.session->state()) {
