@@ -173,18 +173,18 @@ TEST_F(Print, ItsColorsTellOutlinesApart) {
   const auto outline_at = [](const Rigid3& pose, double score) {
     observe::ContourPose out;
     out.fit.motion.world_from_object = pose;
-    out.score = score;
+    out.score = out.rank = score;
     return out;
   };
   std::vector<observe::ContourPose> poses = {outline_at(upside_down(), 0.70),
                                              outline_at(truth_, 0.65)};
-  observe::weigh_by_colors(*verifier, time, poses);
+  observe::weigh_by_colors(*verifier, time, 0.2, poses);
   EXPECT_EQ(poses[0].score, 0.65);
   EXPECT_NEAR(translation_distance(poses[0].fit.motion.world_from_object, truth_), 0, 1e-12);
   EXPECT_LT(poses[1].score, 0.75 * 0.70 + 1e-9);
   // Colors that agree nowhere may be another paint.
   poses = {outline_at(upside_down(), 0.70), outline_at(upside_down(), 0.60)};
-  observe::weigh_by_colors(*verifier, time, poses);
+  observe::weigh_by_colors(*verifier, time, 0.2, poses);
   EXPECT_EQ(poses[0].score, 0.70);
   EXPECT_EQ(poses[1].score, 0.60);
 }

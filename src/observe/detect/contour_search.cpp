@@ -18,7 +18,10 @@ namespace {
 // The contrast that a fit may tell is another one than that of contours.
 constexpr FitEffort kFullFit{8, kSampleStep, false};
 constexpr FitEffort kFollowingFit{8, kSampleStep, false, true};
-constexpr FitEffort kQuickFit{5, kScreenedStep, false};
+constexpr FitEffort kQuickFit{5, kScreenedStep, false, false, kRestOfSearch};
+// A twist that only the small differences of the cameras' capture times tell is six more numbers
+// for a wrong pose to fit by: wrong ones ended at 10 rad/s and 1.5 to 3 m/s (medians).
+constexpr FitEffort kSearchFit{8, kSampleStep, false, false, kRestOfSearch};
 
 void note(DetectionTrace* trace, const char* name, const std::vector<JointPose>& poses) {
   if (trace == nullptr) return;
@@ -79,7 +82,7 @@ std::vector<double> with_colors(const std::vector<ContourPose>& poses, const Mes
                                 const Executor& executor) {
   if (colors == nullptr) return {};
   std::vector<double> out = agreement_of(poses, *colors, executor);
-  for (size_t i = 0; i < out.size(); ++i) out[i] = std::max(0.0, out[i]) * poses[i].score;
+  for (size_t i = 0; i < out.size(); ++i) out[i] = std::max(0.0, out[i]) * poses[i].rank;
   return out;
 }
 
@@ -87,11 +90,12 @@ std::vector<double> with_colors(const std::vector<ContourPose>& poses, const Mes
 void sort_with_colors(std::vector<ContourPose>& poses, const MeshColors* colors,
                       const Executor& executor) {
   if (colors == nullptr) return;
-  const std::vector<double> weights = color_weights(agreement_of(poses, *colors, executor));
+  const std::vector<double> weights =
+      color_weights(agreement_of(poses, *colors, executor), kLeastColorsOfSpots);
   std::vector<size_t> order(poses.size());
   std::iota(order.begin(), order.end(), size_t{0});
   std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) {
-    return weights[a] * poses[a].score > weights[b] * poses[b].score;
+    return weights[a] * poses[a].rank > weights[b] * poses[b].rank;
   });
   std::vector<ContourPose> sorted;
   sorted.reserve(poses.size());
@@ -101,7 +105,7 @@ void sort_with_colors(std::vector<ContourPose>& poses, const MeshColors* colors,
 
 void sort_by_score(std::vector<ContourPose>& poses) {
   std::stable_sort(poses.begin(), poses.end(),
-                   [](const ContourPose& a, const ContourPose& b) { return a.score > b.score; });
+                   [](const ContourPose& a, const ContourPose& b) { return a.rank > b.rank; });
 }
 
 }  // namespace
@@ -115,10 +119,16 @@ double joint_score(std::vector<double> cameras) {
   return std::accumulate(cameras.begin(), cameras.end(), 0.0) / static_cast<double>(cameras.size());
 }
 
+double joint_rank(const std::vector<double>& cameras, size_t of) {
+  if (cameras.size() < std::min<size_t>(2, of) || cameras.empty()) return 0;
+  return std::accumulate(cameras.begin(), cameras.end(), 0.0) / static_cast<double>(cameras.size());
+}
+
 ContourPose ContourSearch::scored(const DetectorFrames& frames, PoseFit fit,
                                   size_t sample_step) const {
   const ViewpointModel& model = bank_.model();
-  ContourPose out{std::move(fit), {}, 0};
+  ContourPose out{std::move(fit), {}, 0, 0};
+  std::vector<double> ranks;
   for (size_t i = 0; i < frames.size(); ++i) {
     const Rigid3 here = out.fit.motion.at(frames.fit_cameras()[i].seconds);
     const FitCamera& camera = fitter_.look(frames.fit_cameras()[i], here);
@@ -130,11 +140,15 @@ ContourPose ContourSearch::scored(const DetectorFrames& frames, PoseFit fit,
         pixel->y() >= lens.height())
       continue;
     const View view = model.view(model.nearest(camera_from_object));
-    out.cameras.back() =
-        out.fit.cameras[i].share() *
+    const double contrast =
         sector_contrast(view, lens, camera_from_object, model.radius(), *camera.image, sample_step);
+    const double share = out.fit.cameras[i].share();
+    out.cameras.back() = share * contrast;
+    // By how many lines agree first: clutter gives contrast, too, but seldom edges all around.
+    ranks.push_back(share * share * contrast);
   }
   out.score = joint_score(out.cameras);
+  out.rank = joint_rank(ranks, frames.size());
   return out;
 }
 
@@ -185,12 +199,12 @@ std::vector<ContourPose> ContourSearch::fit_promising(const DetectorFrames& fram
   std::vector<size_t> order(quick.size());
   std::iota(order.begin(), order.end(), size_t{0});
   PromisingPoses promising(bank_.model().center(), bank_.model().radius());
-  const double enough = kPromising * std::max(known, quick.front().score);
+  const double enough = kPromising * kPromising * std::max(known, quick.front().rank);
   const double most_colored =
       colored.empty() ? 0 : *std::max_element(colored.begin(), colored.end());
   const size_t by_score = most_colored > 0 ? kMaxPromising / 2 : kMaxPromising;
   for (const size_t i : order) {
-    if (quick[i].score < enough || promising.size() == by_score) break;
+    if (quick[i].rank < enough || promising.size() == by_score) break;
     promising.add(quick[i].fit.motion);
   }
   if (most_colored > 0) {
@@ -201,7 +215,7 @@ std::vector<ContourPose> ContourSearch::fit_promising(const DetectorFrames& fram
       promising.add(quick[i].fit.motion);
     }
   }
-  return fit(frames, promising.motions(), kFinalReach, kFullFit);
+  return fit(frames, promising.motions(), kFinalReach, kSearchFit);
 }
 
 // Those that stand out where they are, before anything is fitted.
@@ -223,7 +237,7 @@ std::vector<JointPose> ContourSearch::screened(const DetectorFrames& frames,
   executor_(poses.size(), [&](size_t i) {
     const RigMotion resting{poses[i].world_from_object, Vector6::Zero()};
     PoseFit here = fitter_.lines(frames.fit_cameras(), resting, kScreenedStep);
-    poses[i].score = scored(frames, std::move(here), kScreenedStep).score;
+    poses[i].score = scored(frames, std::move(here), kScreenedStep).rank;
   });
   sort_by_score(poses);
   note(trace, "screened", poses);
@@ -252,7 +266,7 @@ void ContourSearch::add_variants(const DetectorFrames& frames, std::vector<Conto
     }
   }
   for (ContourPose& variant :
-       fit_promising(frames, starts, kRotatedReach, fits.front().score, colors)) {
+       fit_promising(frames, starts, kRotatedReach, fits.front().rank, colors)) {
     fits.push_back(std::move(variant));
   }
 }
@@ -278,12 +292,20 @@ std::vector<ContourPose> ContourSearch::search(const DetectorFrames& frames,
   sort_with_colors(fits, colors, executor_);
   note(trace, "varied", fits);
   reorient(frames, fits, colors);
+  release(frames, fits);
   if (trace != nullptr) {
     std::vector<ContourPose> shown = fits;
     sort_with_colors(shown, colors, executor_);
     note(trace, "final", shown);
   }
   return fits;
+}
+
+// Which pose it is has been decided; how it moves its lines say: it has to be followed from there.
+void ContourSearch::release(const DetectorFrames& frames, std::vector<ContourPose>& fits) const {
+  executor_(std::min(kMaxReleased, fits.size()), [&](size_t i) {
+    fits[i].fit = fitter_.fit(frames.fit_cameras(), fits[i].fit.motion, kFinalReach, kFullFit);
+  });
 }
 
 void ContourSearch::reorient(const DetectorFrames& frames, std::vector<ContourPose>& fits,
@@ -297,7 +319,7 @@ void ContourSearch::reorient(const DetectorFrames& frames, std::vector<ContourPo
        silhouettes_.orientations(colors.cameras(), center, kMaxReoriented)) {
     starts.push_back({pose.world_from_object, Vector6::Zero()});
   }
-  for (ContourPose& pose : fit_promising(frames, starts, kSearchReach, best.score, mesh_colors)) {
+  for (ContourPose& pose : fit_promising(frames, starts, kSearchReach, best.rank, mesh_colors)) {
     fits.push_back(std::move(pose));
   }
   std::vector<double> overlaps(fits.size(), -1);
@@ -310,7 +332,9 @@ void ContourSearch::reorient(const DetectorFrames& frames, std::vector<ContourPo
   });
   const double most = *std::max_element(overlaps.begin(), overlaps.end());
   for (size_t i = 0; i < fits.size(); ++i) {
-    if (overlaps[i] >= 0 && most > 0) fits[i].score *= overlaps[i] / most;
+    if (overlaps[i] < 0 || most <= 0) continue;
+    fits[i].score *= overlaps[i] / most;
+    fits[i].rank *= overlaps[i] / most;
   }
   sort_by_score(fits);
 }

@@ -20,13 +20,18 @@ struct ContourPose {
   /// Share of its lines with an edge, times sector_contrast(); negative where the middle of the
   /// object is not in the image.
   std::vector<double> cameras;
-  double score = 0;  ///< joint_score() of them
+  double score = 0;  ///< joint_score() of them: what is believed goes by it
+  double rank = 0;   ///< which of several poses is the best goes by joint_rank()
 };
 
 /// Of the scores of all cameras, negative where the pose is not in the image: the mean, of three
 /// and more without the worst, because something may stand before it. Where there are several
 /// cameras, one alone is not believed: 0.
 double joint_score(std::vector<double> cameras);
+/// The same of what poses are compared by, for each camera that has the pose in its image, of `of`
+/// cameras: the mean of all. Without the worst, wrong poses win: they fit two cameras by chance
+/// more often than something stands before one, and that is the same for all poses of a place.
+double joint_rank(const std::vector<double>& cameras, size_t of);
 
 /// Second and third stage of a detection, for objects that responses to edges alone do not lift
 /// out of clutter: a large pool of what the scan has found, thinned by place, climbs on spread
@@ -66,6 +71,7 @@ class ContourSearch {
                     const MeshColors* colors) const;
   /// All orientations at the place of the best: an outline that leaves a part of the object out
   /// stands out as well as the whole one, but more of what looks like the object lies outside.
+  void release(const DetectorFrames& frames, std::vector<ContourPose>& fits) const;
   void reorient(const DetectorFrames& frames, std::vector<ContourPose>& fits,
                 const MeshColors* mesh_colors) const;
 

@@ -10,9 +10,9 @@
 #include "observe/detect/contour_search.hpp"
 #include "observe/detect/detect_constants.hpp"
 #include "observe/detect/detector_frames.hpp"
+#include "observe/detect/judge/contour_belief.hpp"
 #include "observe/detect/judge/detection_judge.hpp"
 #include "observe/detect/judge/measure_twists.hpp"
-#include "observe/detect/judge/weak_detections.hpp"
 #include "observe/detect/plan/search_distances.hpp"
 #include "observe/detect/plan/search_order.hpp"
 #include "observe/detect/pose_fit.hpp"
@@ -43,7 +43,7 @@ class ObjectDetector::Impl {
         fitter_(model(), executor),
         contours_(bank_, silhouettes_, fitter_, executor),
         judge_(object, options, model().center(), model().radius()),
-        weakly_found_(model().center(), model().radius()),
+        belief_(model(), judge_),
         order_(model().center(), model().radius()) {
     frames_.magnify_where_small(distances_, fitter_.width());
   }
@@ -75,7 +75,7 @@ class ObjectDetector::Impl {
 
   Detection detect(const ColorVerifier* colors) {
     Detection out;
-    const Where where = order_.next(frames_, weakly_found_, hint_.has_value());
+    const Where where = order_.next(frames_, belief_.waiting(), hint_.has_value());
     if (!frames_.select(where)) return out;
     frames_.compute_responses(distances_.map_margin, DetectorFrames::Edges::kBorders);
     const size_t scanned = scan_.next_camera(frames_, where);
@@ -105,14 +105,16 @@ class ObjectDetector::Impl {
     }
     add_rotated(judged);
     judge_.decide(frames_, judged, out);
-    if (colors != nullptr) weigh_by_colors(*colors, out.time, contours);
-    const Detection by_contour = found_by_contour(contours, where, out.time, colors);
+    if (colors != nullptr) weigh_by_colors(*colors, out.time, kLeastColors, contours);
+    const Detection by_contour =
+        belief_.believe(frames_, contours, where, out.time, colors,
+                        [&](const Detection& found) { return as_told(found); });
     if (out.poses.empty()) {
       out = by_contour;
     } else {
       out.by_contour = same_place(out, by_contour);
     }
-    order_.note(where, !out.poses.empty(), weakly_found_);
+    order_.note(where, !out.poses.empty(), belief_.waiting() != nullptr);
     forget_told();
     return out;
   }
@@ -212,7 +214,7 @@ class ObjectDetector::Impl {
     if (!frames_.select(Where::kEverywhere)) return out;
     frames_.set_reference(time);
     std::vector<ContourPose> poses = contours_.compare(frames_, motion, fitter_.rotated(motion));
-    if (colors != nullptr) weigh_by_colors(*colors, time, poses);
+    if (colors != nullptr) weigh_by_colors(*colors, time, kLeastColorsOfTurns, poses);
     std::vector<ContourPose> others;
     for (ContourPose& pose : poses) {
       const Rigid3& fitted = pose.fit.motion.world_from_object;
@@ -324,54 +326,8 @@ class ObjectDetector::Impl {
     });
     for (ContourPose& pose : contours_.fit(frames_, told_)) poses.push_back(std::move(pose));
     std::stable_sort(poses.begin(), poses.end(),
-                     [](const ContourPose& a, const ContourPose& b) { return a.score > b.score; });
+                     [](const ContourPose& a, const ContourPose& b) { return a.rank > b.rank; });
     return poses;
-  }
-
-  // What stands out by little is believed when several searches in a row have found it, or one
-  // where somebody said it is.
-  Detection found_by_contour(const std::vector<ContourPose>& contours, Where where, Time time,
-                             const ColorVerifier* colors) {
-    Detection found;
-    found.time = time;
-    if (contours.empty()) {
-      weakly_found_.clear();
-      return found;
-    }
-    const RigMotion& best = contours.front().fit.motion;
-    const double agreement =
-        colors != nullptr ? colors->correlation(best.world_from_object, best.twist, time) : 1;
-    // Where only what moves is looked at, nothing that stands still is a rival.
-    const bool rivals = where != Where::kMotion;
-    const bool outline_alone = colors == nullptr && !rivals;
-    const bool told_by_little = outline_alone || agreement < kFewColorsAgree;
-    judge_.decide_by_contour(
-        frames_, contours, told_by_little ? kClearContourScore : kMinWeakScore,
-        agreement < kNoColorsAgree ? kMaxContourRivalWithoutColors : kMaxWeakRival, found);
-    if (found.poses.empty() && rivals && !frames_.show_colors()) decide_alone(contours, found);
-    const bool confirmed = weakly_found_.confirms(found);
-    if (found.poses.empty()) return found;
-    const double score = found.poses.front().evidence;
-    const double enough = colors != nullptr ? kClearContourScore : kMinContourScore;
-    const bool clear = score >= enough && agreement >= kFewColorsAgree &&
-                       found.runner_up <= kMaxContourRival * score &&
-                       score - found.runner_up >= kClearContourMargin;
-    if (confirmed || clear || as_told(found)) {
-      weakly_found_.clear();
-      return found;
-    }
-    Detection none;
-    none.time = time;
-    none.runner_up = score;
-    return none;
-  }
-
-  // Without colors every score is low, of clutter too.
-  void decide_alone(const std::vector<ContourPose>& contours, Detection& found) const {
-    judge_.decide_by_contour(frames_, contours, kMinScoreAlone, kMaxRivalOfAlone, found);
-    if (!found.poses.empty() && found.poses.front().cameras >= 2) return;
-    found.poses.clear();
-    found.observations.clear();
   }
 
   bool same_place(const Detection& a, const Detection& b) const {
@@ -407,7 +363,7 @@ class ObjectDetector::Impl {
   std::optional<ColorTemplates> color_templates_;  ///< made when they are first asked for
   std::optional<SearchHint> hint_;                 ///< for the next detect()
   std::vector<RigMotion> told_;  ///< what came nearest to such a pose, in these frames
-  WeakDetections weakly_found_;  ///< by contours in the newest searches, not yet believed
+  ContourBelief belief_;
   SearchOrder order_;
 };
 

@@ -127,7 +127,7 @@ PoseFit PoseFitter::fit(std::span<const FitCamera> cameras, const RigMotion& sta
   for (int iteration = 0; iteration < effort.iterations; ++iteration) {
     const double reach_now = std::max(kFinalReach, reach * std::pow(0.8, iteration));
     const bool from_afar = effort.moved && iteration + kCloseIterations < effort.iterations;
-    MotionSystem system(motion.twist);
+    MotionSystem system(motion.twist, effort.rest);
     system.information.diagonal().head<6>().setConstant(kPosePrior);
     for (size_t i = 0; i < cameras.size(); ++i) {
       const double seconds = cameras[i].seconds;

@@ -54,6 +54,7 @@ struct FitEffort {
   size_t sample_step = kSampleStep;  ///< every n-th line
   bool contrast = true;              ///< CameraFit::contrast is asked for
   bool moved = false;                ///< since it was there: reaches as far where it is magnified
+  double rest = 1;                   ///< weight of the prior that it rests
 };
 
 /// Third stage of a detection: moves a pose and its twist onto the edges of all images. For every

@@ -29,8 +29,9 @@ Matrix6x12 motion_jacobian_first_order(const Vector6& twist, double seconds) {
   return out;
 }
 
-MotionSystem::MotionSystem(const Vector6& twist) : cost(twist_cost(twist)) {
-  const Vector6 prior = twist_prior();
+MotionSystem::MotionSystem(const Vector6& twist, double prior_weight)
+    : cost(prior_weight * twist_cost(twist)) {
+  const Vector6 prior = prior_weight * twist_prior();
   information.diagonal().tail<6>() = prior;
   gradient.tail<6>() = prior.cwiseProduct(twist);
 }

@@ -38,7 +38,7 @@ struct MotionSystem {
   Vector12 gradient = Vector12::Zero();
   double cost = 0;
 
-  explicit MotionSystem(const Vector6& twist);
+  explicit MotionSystem(const Vector6& twist, double prior_weight = 1);
   /// Of one image, linearized at the motion's pose at its time.
   void add(const LinearizedTerm& term, const Matrix6x12& by_motion);
 };

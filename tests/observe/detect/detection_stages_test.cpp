@@ -426,7 +426,7 @@ TEST(ContourSearch, TheTruthStandsOutFromItsSurroundings) {
                                              "fitted", "varied",  "final"};
   EXPECT_EQ(stages, expected);
   EXPECT_TRUE(std::is_sorted(poses.rbegin(), poses.rend(),
-                             [](const auto& a, const auto& b) { return a.score < b.score; }));
+                             [](const auto& a, const auto& b) { return a.rank < b.rank; }));
 
   const Rigid3 beside = scene().truth * turned(0, {1, 0, 0}, {0.03, 0, 0});
   const double away = contours.evaluate(frames, {beside, Vector6::Zero()}).score;
@@ -434,6 +434,9 @@ TEST(ContourSearch, TheTruthStandsOutFromItsSurroundings) {
 }
 
 TEST(ContourSearch, OneOfSeveralCamerasIsNotEnoughAndTheWorstOfThreeDoesNotCount) {
+  EXPECT_NEAR(joint_rank({0.8}, 3), 0, 1e-12);
+  EXPECT_NEAR(joint_rank({0.8}, 1), 0.8, 1e-12);
+  EXPECT_NEAR(joint_rank({0.8, 0.6, 0.1}, 3), 0.5, 1e-12) << "among poses, every camera counts";
   EXPECT_NEAR(joint_score({0.8, -1, -1}), 0, 1e-12);
   EXPECT_NEAR(joint_score({0.8, 0.6, -1}), 0.7, 1e-12);
   EXPECT_NEAR(joint_score({0.8, 0.6, 0.1}), 0.7, 1e-12) << "something stands before the third";

@@ -54,41 +54,37 @@ Detection weak(const Eigen::Vector3d& place) {
 
 TEST(SearchOrder, TakesTurnsWhereSomethingMoves) {
   Carried scene(true);
-  const WeakDetections nothing(Eigen::Vector3d::Zero(), kRadius);
   SearchOrder order(Eigen::Vector3d::Zero(), kRadius);
   for (int turn = 0; turn < 3; ++turn) {
-    ASSERT_EQ(order.next(scene.frames, nothing, false), Where::kMotion);
-    order.note(Where::kMotion, false, nothing);
-    ASSERT_EQ(order.next(scene.frames, nothing, false), Where::kEverywhere);
-    order.note(Where::kEverywhere, false, nothing);
+    ASSERT_EQ(order.next(scene.frames, nullptr, false), Where::kMotion);
+    order.note(Where::kMotion, false, false);
+    ASSERT_EQ(order.next(scene.frames, nullptr, false), Where::kEverywhere);
+    order.note(Where::kEverywhere, false, false);
   }
-  order.note(Where::kMotion, true, nothing);
-  EXPECT_EQ(order.next(scene.frames, nothing, false), Where::kMotion) << "it was found there";
+  order.note(Where::kMotion, true, false);
+  EXPECT_EQ(order.next(scene.frames, nullptr, false), Where::kMotion) << "it was found there";
 }
 
 TEST(SearchOrder, LooksEverywhereWhereNothingMovesOrSomebodyPoints) {
   Carried still(false), moving(true);
-  const WeakDetections nothing(Eigen::Vector3d::Zero(), kRadius);
   const SearchOrder order(Eigen::Vector3d::Zero(), kRadius);
-  EXPECT_EQ(order.next(still.frames, nothing, false), Where::kEverywhere);
-  EXPECT_EQ(order.next(moving.frames, nothing, true), Where::kEverywhere);
+  EXPECT_EQ(order.next(still.frames, nullptr, false), Where::kEverywhere);
+  EXPECT_EQ(order.next(moving.frames, nullptr, true), Where::kEverywhere);
 }
 
 TEST(SearchOrder, LooksAgainWhereSomethingWaits) {
   Carried scene(true);
   ASSERT_TRUE(scene.frames.select(Where::kEverywhere));
   SearchOrder order(Eigen::Vector3d::Zero(), kRadius);
-  WeakDetections carried(Eigen::Vector3d::Zero(), kRadius),
-      resting(Eigen::Vector3d::Zero(), kRadius);
-  ASSERT_FALSE(carried.confirms(weak(scene.now().translation)));
-  ASSERT_FALSE(resting.confirms(weak(scene.now().translation + Eigen::Vector3d(0, 0.3, 0))));
+  const Detection carried = weak(scene.now().translation);
+  const Detection resting = weak(scene.now().translation + Eigen::Vector3d(0, 0.3, 0));
   // Found by the search of everything, and not among what moves: that would lose it.
-  order.note(Where::kEverywhere, false, resting);
-  EXPECT_EQ(order.next(scene.frames, resting, false), Where::kEverywhere);
-  order.note(Where::kMotion, false, carried);
-  EXPECT_EQ(order.next(scene.frames, carried, false), Where::kMotion);
-  order.note(Where::kEverywhere, false, carried);
-  EXPECT_EQ(order.next(scene.frames, carried, false), Where::kMotion);
+  order.note(Where::kEverywhere, false, true);
+  EXPECT_EQ(order.next(scene.frames, &resting, false), Where::kEverywhere);
+  order.note(Where::kMotion, false, true);
+  EXPECT_EQ(order.next(scene.frames, &carried, false), Where::kMotion);
+  order.note(Where::kEverywhere, false, true);
+  EXPECT_EQ(order.next(scene.frames, &carried, false), Where::kMotion);
 }
 
 }  // namespace

@@ -3,10 +3,9 @@
 
 namespace sightline::observe {
 
-SearchOrder::Where SearchOrder::next(DetectorFrames& frames, const WeakDetections& waiting,
+SearchOrder::Where SearchOrder::next(DetectorFrames& frames, const Detection* newest,
                                      bool pointed_at) const {
   if (next_ == Where::kForeground && frames.show_foreground()) return Where::kForeground;
-  const Detection* newest = waiting.newest();
   if (pointed_at || (next_ == Where::kEverywhere && newest == nullptr)) return Where::kEverywhere;
   if (!frames.show_motion()) return Where::kEverywhere;
   const bool rests = newest != nullptr &&
@@ -14,8 +13,7 @@ SearchOrder::Where SearchOrder::next(DetectorFrames& frames, const WeakDetection
   return rests ? Where::kEverywhere : Where::kMotion;
 }
 
-void SearchOrder::note(Where where, bool found, const WeakDetections& waiting) {
-  const bool waits = waiting.newest() != nullptr;
+void SearchOrder::note(Where where, bool found, bool waits) {
   if (found || (where == Where::kEverywhere && !waits)) {
     next_ = Where::kForeground;
   } else if (!waits) {

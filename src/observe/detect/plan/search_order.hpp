@@ -4,7 +4,7 @@
 #include <Eigen/Core>
 
 #include "observe/detect/detector_frames.hpp"
-#include "observe/detect/judge/weak_detections.hpp"
+#include "sightline/observe/terms/detection.hpp"
 
 namespace sightline::observe {
 
@@ -16,11 +16,11 @@ class SearchOrder {
   /// `center` (object frame) and `radius` of the object [m].
   SearchOrder(const Eigen::Vector3d& center, double radius) : center_(center), radius_(radius) {}
 
-  /// The next search of these frames. What waits to be found again is looked for where it was: what
-  /// stands still is not among what moves; nor need be what somebody points at.
-  Where next(DetectorFrames& frames, const WeakDetections& waiting, bool pointed_at) const;
+  /// The next search of these frames. What waits to be found again (null: nothing) is looked for
+  /// where it was: what stands still is not among what moves; nor need be what somebody points at.
+  Where next(DetectorFrames& frames, const Detection* waiting, bool pointed_at) const;
   /// What has become of it.
-  void note(Where where, bool found, const WeakDetections& waiting);
+  void note(Where where, bool found, bool waits);
 
  private:
   Eigen::Vector3d center_;

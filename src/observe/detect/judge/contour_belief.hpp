@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "observe/detect/contour_search.hpp"
+#include "observe/detect/detector_frames.hpp"
+#include "observe/detect/judge/detection_judge.hpp"
+#include "observe/detect/judge/moving_detections.hpp"
+#include "observe/detect/judge/weak_detections.hpp"
+#include "sightline/observe/detect/color_verifier.hpp"
+#include "sightline/observe/shape/viewpoint_model.hpp"
+
+namespace sightline::observe {
+
+/// What a search by contours has found is believed at once where it stands out by far; what stands
+/// out by little, when several searches in a row have found it, or one where somebody said it is.
+class ContourBelief {
+ public:
+  using Where = DetectorFrames::Where;
+
+  /// Both must outlive this.
+  ContourBelief(const ViewpointModel& model, const DetectionJudge& judge)
+      : judge_(judge),
+        weak_(model.center(), model.radius()),
+        moving_(model.center(), model.radius(), [&model](const Rigid3& a, const Rigid3& b) {
+          return model.angle_up_to_symmetry(a, b);
+        }) {}
+
+  /// `contours`: what a search of these frames has found there, best first. `as_told`: somebody
+  /// said that it is there. No pose: nothing is believed.
+  Detection believe(const DetectorFrames& frames, const std::vector<ContourPose>& contours,
+                    Where where, Time time, const ColorVerifier* colors,
+                    const std::function<bool(const Detection&)>& as_told);
+  /// What waits to be found again; null: nothing. Until the next believe().
+  const Detection* waiting() const {
+    return weak_.newest() != nullptr ? weak_.newest() : moving_.newest();
+  }
+
+ private:
+  bool moved_as_one(const DetectorFrames& frames, const std::vector<ContourPose>& contours,
+                    Where where, Time time, Detection& out);
+  void decide_alone(const DetectorFrames& frames, const std::vector<ContourPose>& contours,
+                    Detection& found) const;
+
+  const DetectionJudge& judge_;
+  WeakDetections weak_;
+  MovingDetections
+      moving_;  ///< the same of what moves, that the colors of the mesh do not speak for
+};
+
+}  // namespace sightline::observe
