@@ -5,6 +5,7 @@
 #include <iterator>
 
 #include "pipeline/turning/turning_view.hpp"
+#include "sightline/pipeline/mesh_color_renderer.hpp"
 #include "sightline/pipeline/mesh_depth_renderer.hpp"
 #include "sightline/pipeline/mesh_print_renderer.hpp"
 #include "sightline/pipeline/rig_parts.hpp"
@@ -26,6 +27,10 @@ std::shared_ptr<const RenderMesh> coarse_mesh(const RigObject& object) {
   return out;
 }
 
+bool has_family(const RigObject& object) {
+  return !object.shape_symmetry.rotations.empty() || !object.shape_symmetry.near_rotations.empty();
+}
+
 std::vector<TrackedObject> tracked_objects(const Rig& rig, CameraId camera) {
   std::vector<TrackedObject> objects;
   for (const RigObject& object : rig.objects) {
@@ -37,7 +42,10 @@ std::vector<TrackedObject> tracked_objects(const Rig& rig, CameraId camera) {
                        symmetric || object.printed ? object.samples : nullptr, object.printed,
                        object.printed ? mesh_print_renderer_factory(object.painted, geometry)
                                       : PrintRendererFactory(),
-                       mesh_depth_renderer_factory(coarse_mesh(object))});
+                       mesh_depth_renderer_factory(coarse_mesh(object)),
+                       has_family(object) && object.painted
+                           ? mesh_color_renderer_factory(object.painted, geometry)
+                           : ColorRendererFactory()});
   }
   return objects;
 }

@@ -169,7 +169,9 @@ Result<RigObject> load_object(const Installation& installation, ObjectId id,
   if (needs.searched || !object.shape_symmetry.rotations.empty()) {
     SL_ASSIGN(object.samples, load_samples(reader));
     object.printed = object.samples && description.modalities.texture && reader.has_print();
-    if (object.printed) {
+    const bool family =
+        !object.shape_symmetry.rotations.empty() || !object.shape_symmetry.near_rotations.empty();
+    if (object.printed || (object.samples && family)) {
       SL_ASSIGN(object.painted, painted_mesh(reader, object.mesh));
     }
   }

@@ -338,6 +338,41 @@ TEST(PaintMesh, FacesTakeTheColorsOfTheirPlace) {
   EXPECT_TRUE(mesh.paint.empty());
 }
 
+/// What lies on a face keeps its color to itself: the middle of the large triangle is as near to
+/// the back of the label as to the triangle's own paint.
+TEST(PaintMesh, ALabelDoesNotPaintWhatItLiesOn) {
+  const auto triangle = [](float size, float z, bool back) {
+    std::array<Eigen::Vector3f, 3> corners = {Eigen::Vector3f{-size, -size, z},
+                                              Eigen::Vector3f{size, -size, z},
+                                              Eigen::Vector3f{0, size, z}};
+    if (back) std::swap(corners[1], corners[2]);
+    return corners;
+  };
+  TriangleMesh shapes;
+  MeshSurface surface;
+  const auto add = [&](const std::array<Eigen::Vector3f, 3>& corners, float red) {
+    const auto first = static_cast<uint32_t>(shapes.vertices.size());
+    shapes.vertices.insert(shapes.vertices.end(), corners.begin(), corners.end());
+    shapes.faces.push_back({first, first + 1, first + 2});
+    SurfaceTriangle t;
+    t.corners = corners;
+    t.corner_colors.fill({red, 0, 0});
+    for (auto& place : t.places) place.setZero();
+    surface.triangles.push_back(t);
+  };
+  add(triangle(0.02f, 0, true), 1);  // the label's back and front
+  add(triangle(0.02f, 0.001f, false), 1);
+  add(triangle(0.1f, 0, false), 0);
+  RenderMesh mesh = make_render_mesh(shapes);
+  paint_mesh(surface, {}, mesh);
+  ASSERT_EQ(mesh.paint.size(), 3u);
+  for (size_t f = 0; f < 3; ++f) {
+    const bool large = std::abs(mesh.vertex(mesh.faces[f][0]).x()) > 0.05;
+    const Yuv wanted = to_yuv({static_cast<uint8_t>(large ? 0 : 255), 0, 0});
+    EXPECT_EQ(mesh.paint[f].colors[0].v, wanted.v) << f;
+  }
+}
+
 /// A torus in a texture that says where on the ring a place is; it is cut at angle 0, where the
 /// coarser copies must not smear one end over the other.
 TEST(PaintMesh, CoarserLevelsKeepTheTexture) {

@@ -2,6 +2,7 @@
 // Records a made-up installation, with truth, for `sightline replay` and `sightline evaluate`.
 //   make_synthetic_recording OUT [--shape creature] [--printed] [--cameras 2] ... (see --help)
 #include <CLI/CLI.hpp>
+#include <array>
 #include <cstdio>
 #include <numbers>
 
@@ -23,6 +24,8 @@ struct Choice {
   std::vector<double> hide;
   int hidden_camera = -1;
   double rate = 30;
+  int objects = 1;
+  double distance = 0.7;
   int knock_camera = -1;
   double knock_at = 0, knock_deg = 0, knock_mm = 0;
   uint64_t seed = 1;
@@ -51,6 +54,7 @@ Result<SceneRigOptions> rig_of(const Choice& choice) {
     if (choice.free_running) options.phases.push_back(static_cast<double>(i) / choice.cameras);
     options.skews.push_back(i == 1 ? from_seconds(1e-3 * choice.skew_ms) : Duration(0));
   }
+  options.distance = choice.distance;
   options.duration = from_seconds(choice.seconds);
   options.seed = choice.seed;
   options.rate_hz = choice.rate;
@@ -77,8 +81,74 @@ Result<SceneRigOptions> rig_of(const Choice& choice) {
   return options;
 }
 
+// Eight places on a table, the middle one free; the first two objects are alike.
+struct Neighbor {
+  const char* shape;
+  double x, y;  // [m]
+};
+constexpr std::array<Neighbor, 8> kNeighbors = {{{"creature", -0.19, 0},
+                                                 {"creature", 0.19, 0},
+                                                 {"truck", 0, 0.2},
+                                                 {"bracket", 0, -0.2},
+                                                 {"bottle", -0.21, 0.21},
+                                                 {"column", 0.21, -0.21},
+                                                 {"truck", 0.22, 0.22},
+                                                 {"bracket", -0.21, -0.21}}};
+
+Result<RecordedBody> neighbor(const Choice& choice, size_t i) {
+  const Neighbor& place = kNeighbors.at(i);
+  Choice own = choice;
+  own.shape = place.shape;
+  RecordedBody out;
+  if (own.shape == "column") {
+    out.shape = std::make_shared<const RayMesh>(
+        make_column_with_box({0.025f, 0, 0.01f}, {0.03f, 0.012f, 0.05f}));
+  } else {
+    SL_ASSIGN(TriangleMesh mesh, mesh_of(own));
+    out.shape = std::make_shared<const RayMesh>(std::move(mesh));
+  }
+  out.name = "object" + std::to_string(i + 1);
+  out.symmetry = own.shape == "bottle" ? Symmetry::kAxis : Symmetry::kNone;
+  SceneSteps steps;
+  steps.step = 1e-3 * choice.step_mm;
+  steps.turn = choice.turn_deg * std::numbers::pi / 180;
+  steps.half_room = {0.02, 0.02, 0.03};
+  steps.middle = {place.x, place.y, 0};
+  steps.seed = choice.seed + i;
+  out.path = smooth_path(steps, from_seconds(choice.seconds));
+  return out;
+}
+
+Paint paint_of(const std::string& shape, size_t i) {
+  const std::array<Eigen::Vector3f, 3> colors = {
+      Eigen::Vector3f{0.45f, 0.28f, 0.10f}, {0.10f, 0.25f, 0.45f}, {0.30f, 0.06f, 0.08f}};
+  Paint out;
+  out.kind = shape == "truck" ? Paint::Kind::kFaces : Paint::Kind::kPlain;
+  out.color = colors[i < 2 ? 0 : i % colors.size()];
+  return out;
+}
+
+// The object of the usual recording is the first of several.
+Status record_several(const Choice& choice, SceneRigOptions options) {
+  std::vector<RecordedBody> others;
+  for (size_t i = 0; i < static_cast<size_t>(choice.objects); ++i) {
+    SL_ASSIGN(RecordedBody body, neighbor(choice, i));
+    const Paint paint = paint_of(kNeighbors.at(i).shape, i);
+    if (i == 0) {
+      options.shape = body.shape, options.path = body.path, options.name = body.name;
+      options.paint = paint;
+      continue;
+    }
+    options.others.push_back(
+        {body.shape, paint, [path = body.path](Time time) { return std::optional(path(time)); }});
+    others.push_back(std::move(body));
+  }
+  return write_scene_recording(SceneRig(options), choice.out, Symmetry::kNone, others);
+}
+
 Status record(const Choice& choice) {
   SL_ASSIGN(const SceneRigOptions options, rig_of(choice));
+  if (choice.objects > 1) return record_several(choice, options);
   const Symmetry symmetry = choice.shape == "bottle" ? Symmetry::kAxis : Symmetry::kNone;
   return write_scene_recording(SceneRig(options), choice.out, symmetry);
 }
@@ -92,6 +162,9 @@ int main(int argc, char** argv) {
   app.add_option("--shape", choice.shape, "creature, truck, bottle, bracket or carton");
   app.add_option("--faces", choice.faces, "of creature and bottle");
   app.add_flag("--printed", choice.printed, "with texture");
+  app.add_option("--objects", choice.objects, "several beside each other, the first two alike")
+      ->check(CLI::Range(1, 8));
+  app.add_option("--distance", choice.distance, "of the cameras [m]")->check(CLI::Range(0.3, 5.0));
   app.add_option("--motion", choice.motion, "smooth or erratic")
       ->check(CLI::IsMember({"smooth", "erratic"}));
   app.add_option("--step-mm", choice.step_mm, "per frame");

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -57,5 +58,24 @@ class PrintRenderer {
 };
 
 using PrintRendererFactory = std::function<std::unique_ptr<PrintRenderer>(const CameraModel&)>;
+
+/// What a mesh's own colors look like there, without light on them.
+struct ColorTile {
+  DepthTile depth;
+  /// Y, U and V (BT.601, limited range) at depth's pixels; without meaning where no surface is.
+  std::array<const uint8_t*, 3> color{};
+  /// Which way the surface looks in the object's frame: about the same where it is equal.
+  const uint8_t* side = nullptr;
+  ptrdiff_t stride = 0;  ///< bytes from row to row of these planes
+};
+
+/// As DepthRenderer, with the mesh's materials, vertex colors and textures.
+class ColorRenderer {
+ public:
+  virtual ~ColorRenderer() = default;
+  virtual ColorTile render(const Rigid3& camera_from_object) = 0;
+};
+
+using ColorRendererFactory = std::function<std::unique_ptr<ColorRenderer>(const CameraModel&)>;
 
 }  // namespace sightline

@@ -85,6 +85,7 @@ class ObjectTracker::Impl {
     State(const TrackerCamera& camera, CameraId id, TrackedObject tracked)
         : object(std::move(tracked)), tracker(camera, object), appearance(camera, id, object) {
       if (!object.silhouette) return;
+      if (object.colors) colors = std::make_unique<observe::ColorComparison>(camera, object);
       picture = std::make_unique<observe::PictureCheck>(camera, object);
       if (object.shape_symmetry.near_rotations.empty()) return;
       silhouettes = std::make_unique<observe::SilhouetteComparison>(camera, object);
@@ -94,7 +95,9 @@ class ObjectTracker::Impl {
     LearnedAppearance appearance;
     /// Null: no other pose looks nearly the same.
     std::unique_ptr<observe::SilhouetteComparison> silhouettes;
-    Time compared{};                                 ///< the silhouettes, last
+    /// Null: the mesh has one color, or no other pose looks nearly the same.
+    std::unique_ptr<observe::ColorComparison> colors;
+    Time compared{};                                 ///< silhouettes and colors, last
     std::unique_ptr<observe::PictureCheck> picture;  ///< null: without silhouettes
     Time checked{};                                  ///< the picture, last
     TrackResult last;
@@ -184,12 +187,16 @@ void ObjectTracker::Impl::track(State& state, const Frame& frame, const PoseAt& 
   const observe::PlacedOutline& outline = state.tracker.outline();
   const bool weak = at.estimate.own_sigma_rotation() > kWeakTurn;
   const Duration pause = ambiguous || weak ? kCompareSoon : kCompare;
-  const bool compare = state.silhouettes && frame.info().capture - state.compared >= pause;
+  // A print says by itself which side is which.
+  const bool by_colors = state.colors && (ambiguous || !state.object.printed);
+  const bool compare =
+      (state.silhouettes || by_colors) && frame.info().capture - state.compared >= pause;
   if (compare) state.compared = frame.info().capture;
   if (compare || (ambiguous && !state.silhouettes)) {
     out.symmetric_hypotheses = observe::compare_symmetric_poses(
         frame, measured.fitted, camera_, state.object, outline.occluders(),
-        certain ? appearance.texture() : nullptr, compare ? state.silhouettes.get() : nullptr);
+        certain ? appearance.texture() : nullptr, compare ? state.silhouettes.get() : nullptr,
+        compare && by_colors ? state.colors.get() : nullptr);
   }
   if (state.last.by_print_alone) return;
   appearance.note_seen(frame, outline, measured.aspect, measured.result, stale);

@@ -4,7 +4,9 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <map>
 
 #include "sightline/geometry/mesh_distance.hpp"
 
@@ -94,6 +96,39 @@ TriangleMesh triangles_of(const MeshSurface& surface) {
   return mesh;
 }
 
+/// Which triangle of a surface a face is: the one with the same corners, else the one that is
+/// nearest to its middle. What lies on another surface, as a label does, is as near to that one's
+/// faces as their own triangles are.
+class TriangleFinder {
+ public:
+  explicit TriangleFinder(const MeshSurface& surface) : nearest_(triangles_of(surface)) {
+    for (size_t i = 0; i < surface.triangles.size(); ++i) {
+      by_corners_.try_emplace(key(surface.triangles[i].corners), i);
+    }
+  }
+  size_t find(const std::array<Eigen::Vector3f, 3>& corners) const {
+    const auto same = by_corners_.find(key(corners));
+    if (same != by_corners_.end()) return same->second;
+    const Eigen::Vector3f middle = (corners[0] + corners[1] + corners[2]) / 3;
+    return nearest_.nearest(middle.cast<double>()).face;
+  }
+
+ private:
+  using Key = std::array<std::array<float, 3>, 3>;
+  /// In an order of their own, so that it does not matter which corner is the first.
+  static Key key(const std::array<Eigen::Vector3f, 3>& corners) {
+    Key out;
+    for (size_t i = 0; i < 3; ++i) {  // -0 is 0
+      out[i] = {corners[i].x() + 0.0f, corners[i].y() + 0.0f, corners[i].z() + 0.0f};
+    }
+    std::sort(out.begin(), out.end());
+    return out;
+  }
+
+  MeshDistance nearest_;
+  std::map<Key, size_t> by_corners_;
+};
+
 /// Weights of a triangle's corners that make up a point of its plane; they may lie outside 0..1.
 Eigen::Vector3d weights_at(const SurfaceTriangle& triangle, const Eigen::Vector3d& point) {
   const Eigen::Vector3d a = triangle.corners[0].cast<double>();
@@ -140,19 +175,18 @@ void paint_mesh(const MeshSurface& surface,
   mesh.paint.clear();
   mesh.textures.clear();
   if (surface.triangles.empty()) return;
-  const MeshDistance nearest(triangles_of(surface));
+  const TriangleFinder finder(surface);
   mesh.paint.resize(mesh.faces.size());
   for (size_t f = 0; f < mesh.faces.size(); ++f) {
-    std::array<Eigen::Vector3d, 3> corners;
-    for (size_t i = 0; i < 3; ++i) corners[i] = mesh.vertex(mesh.faces[f][i]);
-    const uint32_t at = nearest.nearest((corners[0] + corners[1] + corners[2]) / 3).face;
-    const SurfaceTriangle& triangle = surface.triangles[at];
+    std::array<Eigen::Vector3f, 3> corners;
+    for (size_t i = 0; i < 3; ++i) corners[i] = mesh.vertex(mesh.faces[f][i]).cast<float>();
+    const SurfaceTriangle& triangle = surface.triangles[finder.find(corners)];
     FacePaint& paint = mesh.paint[f];
     const auto texture = static_cast<size_t>(triangle.texture);
     if (triangle.texture >= 0 && texture < textures.size() && textures[texture] != nullptr)
       paint.texture = triangle.texture;
     for (size_t i = 0; i < 3; ++i) {
-      const Eigen::Vector3d weights = weights_at(triangle, corners[i]);
+      const Eigen::Vector3d weights = weights_at(triangle, corners[i].cast<double>());
       paint.colors[i] = color_at(triangle, weights);
       paint.places[i].setZero();
       if (paint.texture >= 0) paint.places[i] = place_at(triangle, weights);

@@ -294,12 +294,12 @@ void SurfaceShader::shade_row(const View& view, int y, RasterTile& tile) {
       continue;
     }
     shades[x] = static_cast<uint8_t>(255.0f * level + 0.5f);
-    const int light = 80 + (175 * shades[x] >> 8);
+    const int light = light_of(shades[x]);
     const Texel color = color_at(face, dx, dy, ray(frame_y, x + 1) - here, ray(next, x) - here);
     const size_t at = row(y) + static_cast<size_t>(x);
-    planes_[0][at] = lit(color & 255u, 16, light);
-    planes_[1][at] = lit(color >> 8 & 255u, 128, light);
-    planes_[2][at] = lit(color >> 16 & 255u, 128, light);
+    planes_[0][at] = lit(color & 255u, kUnlit[0], light);
+    planes_[1][at] = lit(color >> 8 & 255u, kUnlit[1], light);
+    planes_[2][at] = lit(color >> 16 & 255u, kUnlit[2], light);
   }
 }
 

@@ -90,6 +90,8 @@ struct TrackedObject {
   /// Of a coarser mesh, to compare poses that look nearly the same and to check the image around
   /// the object; empty: without.
   DepthRendererFactory silhouette = {};
+  /// Of the mesh in its own colors, to compare such poses where these differ; empty: without.
+  ColorRendererFactory colors = {};
 };
 
 /// The static scene as one camera sees it: what hides an object.

@@ -34,6 +34,10 @@ class SurfaceShader {
   void run(const RenderMesh& mesh, const Rigid3& camera_from_object, Shading shading, bool textured,
            RasterTile& tile);
 
+  /// What light makes of a color by a pixel's shade: kUnlit + (color - kUnlit) * light / 256.
+  static constexpr int light_of(uint8_t shade) { return 80 + (175 * shade >> 8); }
+  static constexpr std::array<int, 3> kUnlit = {16, 128, 128};  ///< Y, U, V
+
   /// Lit colors of the tile's row `y`, after a textured run; without meaning where no face is.
   const uint8_t* luma(int y) const { return planes_[0].data() + row(y); }
   const uint8_t* u(int y) const { return planes_[1].data() + row(y); }

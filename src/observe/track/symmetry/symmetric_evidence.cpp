@@ -49,18 +49,21 @@ double print_agreement(const Frame& frame, const Rigid3& world_from_object,
                            {frame.half_gray(), image.u, image.v});
 }
 
-std::vector<PoseHypothesis> compare_symmetric_poses(const Frame& frame, const Rigid3& fitted,
-                                                    const TrackerCamera& camera,
-                                                    const TrackedObject& object,
-                                                    const Occluders& occluders,
-                                                    TexturePoints* texture,
-                                                    SilhouetteComparison* silhouettes) {
+std::vector<PoseHypothesis> compare_symmetric_poses(
+    const Frame& frame, const Rigid3& fitted, const TrackerCamera& camera,
+    const TrackedObject& object, const Occluders& occluders, TexturePoints* texture,
+    SilhouetteComparison* silhouettes, ColorComparison* colors) {
   const ShapeSymmetry& symmetry = object.shape_symmetry;
   std::vector<Rigid3> poses = {fitted};
   for (const Rigid3& rotation : symmetry.near_rotations) poses.push_back(fitted * rotation);
   for (const Rigid3& rotation : symmetry.rotations) poses.push_back(fitted * rotation);
   std::vector<double> costs(poses.size(), 0.0);
   bool known = object.samples && add_color_costs(frame, poses, camera, object, costs);
+  if (!known && colors != nullptr) {
+    const auto& differences = colors->compare(frame.i420(), poses, occluders);
+    for (size_t k = 0; k < differences.size(); ++k) costs[k] += differences[k];
+    known |= !differences.empty();
+  }
   known |= texture && add_texture_costs(frame, poses, camera, occluders, *texture, costs);
   if (silhouettes != nullptr) {
     const auto& outlines = silhouettes->compare(ColorReader(frame.i420()), fitted, occluders);

@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: Apache-2.0
+// What several objects at once cost and how well each is followed: a recording with truth is
+// replayed with its first 1, 2, 4 ... objects known. Each is started next to the truth, once;
+// what is lost stays lost. Prints a Markdown table: CPU of observing and fusing one camera's frame,
+// and of each object the shares within 5 cm + 5 deg and `tracking`, errors, and wrong claims.
+//   several_objects RECORDING [COUNT ...]
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <vector>
+
+#include "figures.hpp"
+#include "sightline/pipeline/replay_library.hpp"
+#include "sightline/pipeline/tracking_chain.hpp"
+#include "sightline/record/evaluate.hpp"
+#include "sightline/record/replay.hpp"
+
+namespace sightline {
+namespace {
+
+using bench::quantile;
+
+constexpr double kWrongMeters = 0.02, kWrongRadians = 0.175;  // of a claim, DESIGN section 7
+constexpr double kWithinMeters = 0.05, kWithinRadians = 0.0873;
+
+struct ObjectFigures {
+  std::vector<TruthRow> truth;
+  std::vector<double> mm, deg;
+  int judged = 0, within = 0, tracking = 0, wrong = 0;
+};
+
+class Run {
+ public:
+  static Result<std::unique_ptr<Run>> create(const std::filesystem::path& path, size_t count) {
+    std::unique_ptr<Run> run(new Run());
+    SL_ASSIGN(Recording opened, open_recording(path));
+    run->recording_ = std::make_shared<const Recording>(std::move(opened));
+    if (!run->recording_->truth) {
+      return make_error(ErrorCode::kInvalidInput, path.string(), "has no truth.csv");
+    }
+    SL_ASSIGN(const std::vector<TruthRow> truth, read_truth(*run->recording_->truth));
+    SL_ASSIGN(run->installation_, recording_installation(path));
+    if (count > run->installation_.objects.size()) {
+      return make_error(ErrorCode::kInvalidInput, path.string(), "has {} objects, not {}",
+                        run->installation_.objects.size(), count);
+    }
+    run->installation_.objects.resize(count);
+    for (ObjectConfig& object : run->installation_.objects) {
+      object.description.modalities = {false, true, true, true};
+    }
+    SL_ASSIGN(run->rig_, load_rig(run->installation_));
+    run->figures_.resize(count);
+    for (const TruthRow& row : truth) {
+      for (size_t i = 0; i < count; ++i) {
+        if (row.object == run->rig_.objects[i].named.name) run->figures_[i].truth.push_back(row);
+      }
+    }
+    return run;
+  }
+
+  Status play() {
+    std::vector<CameraId> cameras;
+    for (uint32_t i = 0; i < installation_.cameras.size(); ++i) cameras.emplace_back(i);
+    SL_ASSIGN(chain_, TrackingChain::create(installation_, rig_, cameras, nullptr));
+    SL_ASSIGN(auto replay,
+              VirtualReplay::open(recording_, {}, time_offsets(*recording_, installation_),
+                                  axis_histories(*recording_, installation_)));
+    for (;;) {
+      SL_ASSIGN(const auto frames, replay->next());
+      if (!frames) return {};
+      const double start = process_cpu_ms();
+      double decoded = 0;
+      chain_->begin(frames->front()->info().capture);
+      for (const FramePtr& frame : *frames) {
+        const double before = process_cpu_ms();
+        frame->i420();
+        decoded += process_cpu_ms() - before;
+        chain_->observe({frame->info().camera, frame});
+        if (!started_) start_from_truth(*frame);
+      }
+      chain_->fuse();
+      started_ = true;
+      cpu_.push_back((process_cpu_ms() - start - decoded) / static_cast<double>(frames->size()));
+      judge(frames->front()->info().capture);
+    }
+  }
+
+  void print() {
+    fmt::print("| {} | {:.2f} | {:.2f} |", figures_.size(), quantile(cpu_, 0.5),
+               quantile(cpu_, 0.95));
+    for (size_t i = 0; i < figures_.size(); ++i) {
+      ObjectFigures& f = figures_[i];
+      const double n = std::max(1, f.judged);
+      fmt::print("{} {}: {:.0f} %, {:.0f} % tracking, {:.2f} mm {:.2f} deg, {} wrong",
+                 i > 0 ? ";" : "", rig_.objects[i].named.name, 100 * f.within / n,
+                 100 * f.tracking / n, f.mm.empty() ? -1.0 : quantile(f.mm, 0.5),
+                 f.deg.empty() ? -1.0 : quantile(f.deg, 0.5), f.wrong);
+    }
+    fmt::print(" |\n");
+  }
+
+ private:
+  Run() = default;
+
+  void start_from_truth(const Frame& frame) {
+    Vector6 off;
+    off << 0.02, -0.02, 0.01, 0.003, -0.003, 0.003;
+    Matrix6 covariance = Matrix6::Identity() * 0.02 * 0.02;
+    covariance.diagonal().tail<3>().setConstant(0.004 * 0.004);
+    for (Observation& observation : chain_->set()) {
+      if (observation.camera != frame.info().camera) continue;
+      const auto truth = truth_at(figures_.at(observation.object.index()).truth,
+                                  frame.info().capture, Duration::max());
+      if (!truth) continue;
+      observation = chain_->observer(observation.camera)
+                        ->tracker()
+                        .propose(frame, observation.object, *truth * Rigid3::exp(off), covariance);
+    }
+  }
+
+  void judge(Time now) {
+    for (size_t i = 0; i < figures_.size(); ++i) {
+      ObjectFigures& f = figures_[i];
+      const auto truth = truth_at(f.truth, now, Duration::max());
+      if (!truth) continue;
+      ++f.judged;
+      const PoseEstimate& newest = chain_->tracks()[i]->newest();
+      if (!has_pose(newest.state)) continue;
+      const double off = translation_distance(newest.world_from_object, *truth);
+      const double turned = angle(i, newest.world_from_object, *truth);
+      f.mm.push_back(1e3 * off);
+      f.deg.push_back(57.2958 * turned);
+      f.within += off < kWithinMeters && turned < kWithinRadians ? 1 : 0;
+      if (newest.state != TrackState::kTracking) continue;
+      ++f.tracking;
+      f.wrong += off > kWrongMeters || turned > kWrongRadians ? 1 : 0;
+    }
+  }
+
+  // Turns about a declared axis mean nothing.
+  double angle(size_t object, const Rigid3& a, const Rigid3& b) const {
+    const auto& axis = rig_.objects[object].shape_symmetry.axis;
+    if (!axis || !axis->declared) return rotation_angle(a, b);
+    const Eigen::Vector3d u = a.rotation * axis->direction, v = b.rotation * axis->direction;
+    return std::atan2(u.cross(v).norm(), u.dot(v));
+  }
+
+  std::shared_ptr<const Recording> recording_;
+  Installation installation_;
+  Rig rig_;
+  std::unique_ptr<TrackingChain> chain_;
+  std::vector<ObjectFigures> figures_;  // by ObjectId
+  std::vector<double> cpu_;
+  bool started_ = false;
+};
+
+int run(int argc, char** argv) {
+  std::vector<size_t> counts;
+  for (int i = 2; i < argc; ++i) {
+    const std::string_view word = argv[i];
+    size_t count = 0;
+    if (std::from_chars(word.begin(), word.end(), count).ec != std::errc() || count < 1) argc = 0;
+    counts.push_back(count);
+  }
+  if (argc < 2) {
+    fmt::print(stderr, "usage: several_objects RECORDING [COUNT ...]\n");
+    return 2;
+  }
+  if (counts.empty()) counts = {1, 2, 4, 8};
+  fmt::print(
+      "| objects | CPU ms per camera frame, median | 95 % | within, tracking, median error |\n");
+  fmt::print("| --- | --- | --- | --- |\n");
+  for (const size_t count : counts) {
+    auto made = Run::create(argv[1], count);
+    const Status done =
+        made ? (*made)->play()
+             : Status(make_error(made.error().code, made.error().where, "{}", made.error().text));
+    if (!done) {
+      fmt::print(stderr, "{}\n", done.error().message());
+      return exit_code(done.error());
+    }
+    (*made)->print();
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace sightline
+
+int main(int argc, char** argv) { return sightline::run(argc, argv); }
