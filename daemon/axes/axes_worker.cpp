@@ -14,8 +14,8 @@ constexpr Duration kStallLimit = 10s;  // names are looked up
 constexpr Duration kOrderEvery = 45ms;
 }  // namespace
 
-std::shared_ptr<const FollowScene> follow_scene(const FollowConfig& config, const Rig& rig,
-                                                std::shared_ptr<const TrackBoard> board) {
+std::shared_ptr<FollowScene> follow_scene(const FollowConfig& config, const Rig& rig,
+                                          std::shared_ptr<const TrackBoard> board) {
   auto scene = std::make_shared<FollowScene>();
   scene->board = std::move(board);
   const auto add = [&](const RigObject& object) {
@@ -99,7 +99,8 @@ void AxesWorker::control(AxisSource& source, Time& next) {
   {
     const std::lock_guard lock(mutex_);
     before = follower_.status().mode;
-    order = follower_.step(now, *history_, tracks_, scene->targets);
+    order = follower_.step(now, *history_, tracks_, scene->targets,
+                           SharedHead{*scene->sharing, scene->head});
     after = follower_.status().mode;
   }
   if (after != before) tell_mode(after);

@@ -21,12 +21,14 @@ namespace sightline {
 /// What heads may follow, and where it is.
 struct FollowScene {
   std::shared_ptr<const TrackBoard> board;
-  std::vector<FollowTarget> targets;  ///< the most important first
+  std::vector<FollowTarget> targets;       ///< the most important first
+  std::shared_ptr<FollowSharing> sharing;  ///< with the other heads of the rig
+  int head = 0;                            ///< this one's number among them
 };
 
 /// Of one camera. `board`: where `rig`'s objects are.
-std::shared_ptr<const FollowScene> follow_scene(const FollowConfig& config, const Rig& rig,
-                                                std::shared_ptr<const TrackBoard> board);
+std::shared_ptr<FollowScene> follow_scene(const FollowConfig& config, const Rig& rig,
+                                          std::shared_ptr<const TrackBoard> board);
 
 /// The thread "axes:NAME" of a camera that turns: puts what its head says into the history that the
 /// frames ask, and, of a camera of role "follow", orders where it turns. A source that cannot be

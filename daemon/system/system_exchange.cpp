@@ -242,11 +242,15 @@ void SystemExchange::start_following() {
   auto moving = std::make_shared<MovingScene>();
   moving->board = next_.board;
   moving->boxes = moving_boxes(*next_.rig);
+  const auto sharing = std::make_shared<FollowSharing>();
   for (size_t i = 0; i < next_.cameras.size(); ++i) {
     if (AngleWorker* const angles = next_.cameras[i]->angles()) angles->see(moving);
     const auto& head = next_.cameras[i]->head();
     if (!head || !head->follows()) continue;
-    head->follow(follow_scene(next_.installation.cameras[i].follow, *next_.rig, next_.board));
+    auto scene = follow_scene(next_.installation.cameras[i].follow, *next_.rig, next_.board);
+    scene->sharing = sharing;
+    scene->head = static_cast<int>(i);
+    head->follow(std::move(scene));
   }
 }
 

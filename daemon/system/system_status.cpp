@@ -198,6 +198,17 @@ Json cameras_array(const System& system) {
   return cameras;
 }
 
+// By object: the cameras whose heads follow it.
+std::vector<Json> followers(const System& system, size_t objects) {
+  std::vector<Json> out(objects, Json::array());
+  for (const auto& camera : system.cameras) {
+    if (!camera->head() || !camera->head()->follows()) continue;
+    const auto object = camera->head()->status().object;
+    if (object && object->index() < objects) out[object->index()].push_back(camera->name());
+  }
+  return out;
+}
+
 Json objects_array(const System& system) {
   Json objects = Json::array();
   std::vector<std::string> camera_names;
@@ -210,10 +221,12 @@ Json objects_array(const System& system) {
   const auto zones = system.zones ? system.zones->inside() : nullptr;
   const auto sight = sight_cameras(system);
   const auto local = system.cell ? system.cell->status().local : std::vector<bool>();
+  const auto heads = followers(system, tracks.size());
   const auto checks = system.points ? system.points->checks() : std::vector<PointCheck>();
   for (size_t i = 0; i < tracks.size(); ++i) {
     objects.push_back(object_json(system.rig->objects[i].named, tracks[i], camera_names,
                                   i < checks.size() ? &checks[i] : nullptr));
+    if (!heads[i].empty()) objects.back()["followed_by"] = heads[i];
     if (i < local.size() && local[i]) objects.back()["local"] = true;
     if (tracks[i] && !tracks[i]->empty()) add_sight(system, *tracks[i], sight, objects.back());
     if (!zones) continue;

@@ -199,7 +199,9 @@ namespace {
 // What goes with some protocols only.
 void read_axes_details(TomlTable& table, const std::filesystem::path& file,
                        AxisSourceOptions& axes) {
-  const bool visca = axes.protocol == AxisProtocol::kVisca;
+  const bool serial = axes.protocol == AxisProtocol::kViscaSerial;
+  const bool counts_places =
+      serial || axes.protocol == AxisProtocol::kVisca || axes.protocol == AxisProtocol::kV4l2;
   const bool onvif = axes.protocol == AxisProtocol::kOnvif;
   const auto belongs = [&table](std::string_view key, bool there, bool fits, std::string_view to) {
     if (there && !fits) table.problem(key, fmt::format("goes with axes = \"{}:...\"", to));
@@ -207,9 +209,19 @@ void read_axes_details(TomlTable& table, const std::filesystem::path& file,
   };
   const auto counts = table.number("axes_counts_per_degree", 0.01, 1e6, "counts per degree");
   const auto unit = table.number("axes_degrees_per_unit", 0.01, 360, "degrees");
+  const auto baud = table.integer("axes_baud", 1200, 115200, "bits per second");
   const auto user = table.text("axes_user"), password = table.text("axes_password_file");
-  if (belongs("axes_counts_per_degree", counts.has_value(), visca, "visca")) {
+  if (belongs("axes_counts_per_degree", counts.has_value(), counts_places,
+              "visca:...\" or \"v4l2")) {
     axes.counts_per_degree = *counts;
+  }
+  if (belongs("axes_baud", baud.has_value(), serial, "visca:/dev/TTY")) {
+    axes.baud = static_cast<int>(*baud);
+    if (!is_baud_rate(axes.baud)) {
+      table.problem("axes_baud",
+                    "serial lines have 1200, 2400, 4800, 9600, 19200, 38400, 57600 or "
+                    "115200 bits per second");
+    }
   }
   if (belongs("axes_degrees_per_unit", unit.has_value(), onvif, "onvif")) {
     axes.degrees_per_unit = *unit;
@@ -217,6 +229,17 @@ void read_axes_details(TomlTable& table, const std::filesystem::path& file,
   if (belongs("axes_user", user.has_value(), onvif, "onvif")) axes.user = user->text;
   if (belongs("axes_password_file", password.has_value(), onvif, "onvif")) {
     axes.password_file = resolve(file, password->text);
+  }
+}
+
+// "v4l2" alone means the camera that the images come from.
+void name_own_device(TomlTable& table, CameraConfig& camera) {
+  if (camera.axes.protocol != AxisProtocol::kV4l2 || !camera.axes.line.empty()) return;
+  camera.axes.line = camera.source == SourceKind::kV4l2 ? camera.v4l2.device : "";
+  if (camera.axes.line.empty()) {
+    table.problem("axes",
+                  "the images do not come from V4L2: name the camera whose controls turn "
+                  "it, as in \"v4l2:/dev/v4l/by-id/...\"");
   }
 }
 
@@ -239,6 +262,7 @@ void read_axes(TomlTable& table, const std::filesystem::path& file, bool calibra
     auto options = parse_axis_source(text->text, camera.name);
     if (options) {
       camera.axes = *std::move(options);
+      name_own_device(table, camera);
     } else {
       table.problem("axes", options.error().text);
     }

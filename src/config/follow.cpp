@@ -34,6 +34,31 @@ void read_range(TomlTable& table, std::string_view key, int axis, HeadLimits& li
   limits.high[axis] = range->y();
 }
 
+// Not every head knows every way to be told.
+void read_orders(TomlTable& table, AxisSourceOptions& axes) {
+  constexpr std::pair<std::string_view, HeadOrders> kNames[] = {
+      {"any", HeadOrders::kAny},
+      {"absolute", HeadOrders::kAbsolute},
+      {"continuous", HeadOrders::kContinuous},
+      {"relative", HeadOrders::kRelative}};
+  const auto text = table.text("orders");
+  if (!text) return;
+  const auto* const found =
+      std::ranges::find_if(kNames, [&](const auto& one) { return one.first == text->text; });
+  if (found == std::end(kNames)) {
+    return table.problem("orders", "known: \"any\", \"absolute\", \"continuous\", \"relative\"");
+  }
+  axes.orders = found->second;
+  const bool onvif = axes.protocol == AxisProtocol::kOnvif;
+  const bool rates = onvif || axes.protocol == AxisProtocol::kV4l2;
+  if ((axes.orders == HeadOrders::kContinuous && !rates) ||
+      (axes.orders == HeadOrders::kRelative && !onvif)) {
+    table.problem("orders",
+                  "\"continuous\" goes with axes = \"onvif:...\" and \"v4l2:...\", "
+                  "\"relative\" with \"onvif:...\"");
+  }
+}
+
 }  // namespace
 
 void read_follow(TomlTable& table, CameraConfig& camera) {
@@ -41,12 +66,12 @@ void read_follow(TomlTable& table, CameraConfig& camera) {
   if (follows && camera.axes.protocol == AxisProtocol::kNone) {
     table.problem("role",
                   "\"follow\" is for a camera whose head tells its angles and can be "
-                  "turned: it needs axes = \"visca:...\" or "
-                  "\"onvif:...\"");
+                  "turned: it needs axes = \"visca:...\", "
+                  "\"onvif:...\" or \"v4l2:...\"");
   } else if (follows && !can_turn(camera.axes.protocol)) {
     table.problem("role",
-                  "\"follow\" needs a head that can be turned: axes = \"visca:...\" or "
-                  "\"onvif:...\"");
+                  "\"follow\" needs a head that can be turned: axes = \"visca:...\", "
+                  "\"onvif:...\" or \"v4l2:...\"");
   }
   if (!follows) return table.refuse("follow", "goes with role = \"follow\"");
   auto own = table.table("follow");
@@ -68,6 +93,10 @@ void read_follow(TomlTable& table, CameraConfig& camera) {
   if (const auto value = own->number("home_after", 0, 86400, "a time in seconds")) {
     follow.home_after = from_seconds(*value);
   }
+  if (const auto value = own->number("scan", 0, 3600, "a time in seconds")) {
+    follow.scan = from_seconds(*value);
+  }
+  read_orders(*own, camera.axes);
   if (const auto value = own->number("yield", 0, 86400, "a time in seconds")) {
     follow.yield = from_seconds(*value);
   }

@@ -106,6 +106,11 @@ int ScriptedV4l2::poll(int, Duration limit) {
   return 0;
 }
 
+void ScriptedV4l2::sleep(Duration time) {
+  std::lock_guard lock(mutex_);
+  now_ += time;
+}
+
 Time ScriptedV4l2::now() {
   std::lock_guard lock(mutex_);
   return now_;

@@ -80,6 +80,7 @@ class ScriptedV4l2 final : public capture::V4l2System {
   void unmap(void* memory, size_t bytes) override;
   int poll(int fd, Duration limit) override;
   Time now() override;
+  void sleep(Duration time) override;
 
  private:
   int answer_format(unsigned long request, void* argument);

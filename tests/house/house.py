@@ -26,7 +26,7 @@ SUBROOM_ARROWS = {
     "observe": {"terms": set(), "shape": {"terms"},
                 **{modality: {"terms", "shape"}
                    for modality in ("fiducial", "track", "detect", "features", "scene", "stereo", "turn")}},
-    "capture": {"common": set(), "axes": set(), "decode": {"common"},
+    "capture": {"common": set(), "axes": {"v4l2"}, "decode": {"common"},
                 **{source: {"common", "decode"} for source in ("v4l2", "aravis", "libcamera", "network")}},
     "render": {"mesh": set(), "raster": {"mesh"}, "gpu": {"mesh", "raster"},
                "overlay": {"mesh", "raster", "gpu"}},

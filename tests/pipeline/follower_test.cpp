@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <numbers>
@@ -51,6 +52,8 @@ class Room {
   bool silent = false, backwards = false;
   HeadAngles pushed = HeadAngles::Zero();  ///< [rad/s], by somebody else
   int orders = 0;
+  FollowSharing* sharing = nullptr;
+  int number = 0;  ///< among those that share
 
   void run(double seconds, const std::function<void()>& look = {}) {
     for (double end = time_ + seconds; time_ < end; time_ += SimulatedHead::kStep) {
@@ -91,7 +94,8 @@ class Room {
       targets.push_back({ObjectId(static_cast<uint32_t>(i)), Eigen::Vector3d::Zero()});
       tracks.push_back(track(i));
     }
-    const auto order = follower_.step(now(), history_, tracks, targets);
+    const auto shared = sharing ? std::optional(SharedHead{*sharing, number}) : std::nullopt;
+    const auto order = follower_.step(now(), history_, tracks, targets, shared);
     if (order) obey(*order);
   }
 
@@ -198,6 +202,110 @@ TEST(Follower, WaitsWhereItLostTheObjectAndGoesHome) {
   room.run(4);
   EXPECT_EQ(room.status().mode, FollowMode::kFollowing);
   EXPECT_LT(room.off_middle_px(0), 60);
+}
+
+FollowConfig scanning() {
+  FollowConfig follow = config();
+  follow.limits.low = HeadAngles(-1.5, -0.6);
+  follow.limits.high = HeadAngles(1.5, 0.6);
+  follow.home_after = 1s;
+  follow.scan = 150s;
+  return follow;
+}
+
+// It looks around from where the object was last, leaves nothing out within its range, and goes
+// home.
+TEST(Follower, LooksAroundForWhatItLost) {
+  Room room(scanning());
+  room.ways[0] = resting;
+  room.run(3);
+  const HeadAngles last = room.head().angles();
+  room.ways[0] = nullptr;
+  room.run(1.5);
+  EXPECT_EQ(room.status().mode, FollowMode::kScanning);
+  EXPECT_LT((room.head().angles() - last).norm(), 2 * kDegree);
+  std::vector<HeadAngles> stood;
+  room.run(120, [&] {
+    if (room.status().mode != FollowMode::kScanning) return;
+    if (room.head().rates().norm() < 1e-3) stood.push_back(room.head().angles());
+  });
+  EXPECT_EQ(room.status().mode, FollowMode::kHome);
+  EXPECT_LT((room.head().angles() - scanning().home).norm(), 0.2 * kDegree);
+  const HeadLimits limits = scanning().limits;
+  for (double pan = limits.low.x(); pan <= limits.high.x(); pan += 0.1) {
+    for (double tilt = limits.low.y(); tilt <= limits.high.y(); tilt += 0.1) {
+      EXPECT_TRUE(std::ranges::any_of(stood,
+                                      [&](const HeadAngles& place) {
+                                        return std::abs(place.x() - pan) * std::cos(tilt) <
+                                                   0.49 &&  // half of the picture
+                                               std::abs(place.y() - tilt) < 0.38;
+                                      }))
+          << pan << " " << tilt;
+    }
+  }
+  const int orders = room.orders;
+  room.run(5);  // once
+  EXPECT_EQ(room.status().mode, FollowMode::kHome);
+  EXPECT_LE(room.orders, orders + 1);
+}
+
+TEST(Follower, WhatItFindsWhileItLooksAroundIsFollowed) {
+  Room room(scanning());
+  room.run(2);
+  EXPECT_EQ(room.status().mode, FollowMode::kHome);  // nothing has been lost yet
+  room.ways[0] = resting;
+  room.run(3);
+  room.ways[0] = nullptr;
+  room.run(4);
+  EXPECT_EQ(room.status().mode, FollowMode::kScanning);
+  room.ways[0] = resting;
+  room.run(3);
+  EXPECT_EQ(room.status().mode, FollowMode::kFollowing);
+  EXPECT_LT(room.off_middle_px(0), 8);
+  room.ways[0] = nullptr;
+  room.run(2);
+  room.follower().hold(HeadAngles(0.1, 0.1), room.now() + 2s);
+  room.run(4.5);
+  EXPECT_EQ(room.status().mode, FollowMode::kHome);  // somebody had it meanwhile
+}
+
+TEST(Follower, LookingAroundEndsInTime) {
+  FollowConfig follow = scanning();
+  follow.scan = 3s;
+  Room room(follow);
+  room.ways[0] = resting;
+  room.run(3);
+  room.ways[0] = nullptr;
+  room.run(3);
+  EXPECT_EQ(room.status().mode, FollowMode::kScanning);
+  room.run(1.5);
+  EXPECT_EQ(room.status().mode, FollowMode::kHome);
+}
+
+TEST(Follower, TwoHeadsShareTwoObjects) {
+  FollowSharing sharing;
+  Room one(config()), two(config());
+  one.sharing = two.sharing = &sharing;
+  two.number = 1;
+  one.ways = two.ways = {resting, circling};
+  const auto both = [&](double seconds) {
+    for (double t = 0; t < seconds; t += SimulatedHead::kStep) {
+      one.run(SimulatedHead::kStep);
+      two.run(SimulatedHead::kStep);
+    }
+  };
+  both(4);
+  ASSERT_TRUE(one.status().object && two.status().object);
+  const ObjectId first = *one.status().object;
+  EXPECT_NE(first, *two.status().object);
+  EXPECT_LT(one.off_middle_px(first.index()), 60);
+  EXPECT_LT(two.off_middle_px(two.status().object->index()), 60);
+  one.follower().hold(std::nullopt, one.now() + 2s);
+  both(1);
+  EXPECT_EQ(two.status().object, kObject);  // alone, it follows the first
+  both(3);
+  EXPECT_NE(one.status().object, two.status().object);
+  EXPECT_TRUE(one.status().object.has_value());
 }
 
 TEST(Follower, AnOrderHoldsItForATime) {

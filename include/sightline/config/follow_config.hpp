@@ -16,7 +16,8 @@ struct FollowConfig {
   HeadLimits limits;
   HeadAngles home = HeadAngles::Zero();           ///< where it waits
   Duration home_after = std::chrono::seconds(3);  ///< without a pose
-  Duration yield = std::chrono::seconds(10);      ///< to whoever else moves the head
+  Duration scan{0};  ///< before it goes home it looks around for so long; 0: it does not
+  Duration yield = std::chrono::seconds(10);  ///< to whoever else moves the head
 
   bool operator==(const FollowConfig&) const = default;
 };

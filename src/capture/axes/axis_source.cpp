@@ -2,6 +2,7 @@
 #include "sightline/capture/axes/axis_source.hpp"
 
 #include <arpa/inet.h>
+#include <net/if.h>
 #include <netinet/in.h>
 
 #include <algorithm>
@@ -15,6 +16,9 @@ namespace sightline {
 namespace {
 
 constexpr uint16_t kViscaPort = 52381, kOnvifPort = 80;
+constexpr int kMostViscaCameras = 7;  // on a line
+constexpr size_t kLongestPath = 255;
+constexpr double kArcSeconds = 3600;
 
 std::optional<int> whole(std::string_view text, int least, int most) {
   int value = 0;
@@ -33,6 +37,12 @@ bool is_address(const std::string& host) {
          inet_pton(AF_INET6, host.c_str(), bytes.data()) == 1;
 }
 
+bool fits_group(const AxisSourceOptions& options) {
+  const std::string& name = options.interface;
+  return capture::is_multicast(options.host) && !name.empty() && name.size() < IF_NAMESIZE &&
+         std::ranges::none_of(name, [](unsigned char c) { return c == '/' || c <= ' '; });
+}
+
 // "HOST:PORT", "HOST" or (`bare_port`) "PORT"; an IPv6 address stands in brackets.
 bool read_address(std::string_view text, bool bare_port, AxisSourceOptions& out) {
   const size_t bracket = text.starts_with('[') ? text.find(']') : 0;
@@ -43,8 +53,11 @@ bool read_address(std::string_view text, bool bare_port, AxisSourceOptions& out)
   if (bare_port && colon == std::string_view::npos) std::swap(host, port);
   if (bracket > 0) host = text.substr(1, bracket - 1);
   if (colon != std::string_view::npos && host.empty()) return false;
-  out.host = host;
-  if (!host.empty() && !is_address(out.host)) return false;
+  const size_t percent = host.find('%');  // the interface of a group
+  if (percent != std::string_view::npos) out.interface = host.substr(percent + 1);
+  out.host = host.substr(0, percent);
+  if (!out.host.empty() && !is_address(out.host)) return false;
+  if (percent != std::string_view::npos && !fits_group(out)) return false;
   if (port.empty()) return !bare_port && !host.empty() && colon == std::string_view::npos;
   const auto number = whole(port, 1, 65535);
   out.port = static_cast<uint16_t>(number.value_or(0));
@@ -62,6 +75,11 @@ bool read_listener(std::string_view rest, int most, AxisSourceOptions& out) {
   return read_address(rest, true, out);
 }
 
+// One camera: nobody is asked through a group.
+bool read_peer(std::string_view text, AxisSourceOptions& out) {
+  return read_address(text, false, out) && !capture::is_multicast(out.host);
+}
+
 // "ADDRESS[:PORT][/PROFILE]"
 bool read_onvif(std::string_view rest, AxisSourceOptions& out) {
   if (const size_t slash = rest.find('/'); slash != std::string_view::npos) {
@@ -73,7 +91,29 @@ bool read_onvif(std::string_view rest, AxisSourceOptions& out) {
     rest = rest.substr(0, slash);
   }
   out.port = kOnvifPort;
-  return read_address(rest, false, out);
+  return read_peer(rest, out);
+}
+
+// "/dev/TTY[#CAMERA]"
+bool read_line(std::string_view rest, AxisSourceOptions& out) {
+  out.device = 1;
+  if (const size_t mark = rest.find('#'); mark != std::string_view::npos) {
+    const auto camera = whole(rest.substr(mark + 1), 1, kMostViscaCameras);
+    if (!camera) return false;
+    out.device = *camera;
+    rest = rest.substr(0, mark);
+  }
+  out.line = rest;
+  return rest.size() > 1 && rest.starts_with('/') && rest.size() <= kLongestPath;
+}
+
+// "", or ":" and what V4l2Options::device takes
+bool read_v4l2(std::string_view rest, AxisSourceOptions& out) {
+  out.counts_per_degree = kArcSeconds;
+  if (rest.empty()) return true;
+  if (rest.size() < 2 || rest.size() > kLongestPath || rest[0] != ':') return false;
+  out.line = rest.substr(1);
+  return true;
 }
 
 bool read_source(std::string_view text, AxisSourceOptions& out) {
@@ -94,10 +134,18 @@ bool read_source(std::string_view text, AxisSourceOptions& out) {
     out.protocol = AxisProtocol::kOnvif;
     return read_onvif(text, out);
   }
+  if (takes("v4l2")) {
+    out.protocol = AxisProtocol::kV4l2;
+    return read_v4l2(text, out);
+  }
   if (!takes("visca:")) return false;
+  if (text.starts_with('/')) {
+    out.protocol = AxisProtocol::kViscaSerial;
+    return read_line(text, out);
+  }
   out.protocol = AxisProtocol::kVisca;
   out.port = kViscaPort;
-  return read_address(text, false, out);
+  return read_peer(text, out);
 }
 
 }  // namespace
@@ -105,12 +153,13 @@ bool read_source(std::string_view text, AxisSourceOptions& out) {
 Result<AxisSourceOptions> parse_axis_source(std::string_view text, const std::string& where) {
   AxisSourceOptions out;
   if (read_source(text, out)) return out;
-  return make_error(ErrorCode::kInvalidInput, where,
-                    "'{}' tells no angles: write \"freed:PORT\" or \"opentrackio:PORT\" (with an "
-                    "own ADDRESS: before the port, and \"/ID\" behind to take one camera's only), "
-                    "\"visca:ADDRESS[:PORT]\" or \"onvif:ADDRESS[:PORT][/PROFILE]\"; addresses are "
-                    "numbers",
-                    text.substr(0, 80));
+  return make_error(
+      ErrorCode::kInvalidInput, where,
+      "'{}' tells no angles: write \"freed:PORT\" or \"opentrackio:PORT\" (with an "
+      "own ADDRESS: or a group before the port, and \"/ID\" behind to take one "
+      "camera's only), \"visca:ADDRESS[:PORT]\", \"visca:/dev/TTY[#CAMERA]\", "
+      "\"onvif:ADDRESS[:PORT][/PROFILE]\" or \"v4l2[:DEVICE]\"; addresses are numbers",
+      text.substr(0, 80));
 }
 
 Result<std::unique_ptr<AxisSource>> open_axis_source(const AxisSourceOptions& options,
@@ -122,6 +171,10 @@ Result<std::unique_ptr<AxisSource>> open_axis_source(const AxisSourceOptions& op
       return capture::open_opentrackio(options, name);
     case AxisProtocol::kOnvif:
       return capture::open_onvif(options, name);
+    case AxisProtocol::kV4l2:
+      return capture::open_v4l2_head(options, name);
+    case AxisProtocol::kViscaSerial:
+      return capture::open_visca_serial(options, name);
     case AxisProtocol::kVisca:
     case AxisProtocol::kNone:
       break;

@@ -11,6 +11,10 @@ Result<std::unique_ptr<AxisSource>> open_freed(const AxisSourceOptions& options,
 Result<std::unique_ptr<AxisSource>> open_visca(const AxisSourceOptions& options,
                                                const std::string& name);
 
+Result<std::unique_ptr<AxisSource>> open_visca_serial(const AxisSourceOptions& options,
+                                                      const std::string& name);
+Result<std::unique_ptr<AxisSource>> open_v4l2_head(const AxisSourceOptions& options,
+                                                   const std::string& name);
 Result<std::unique_ptr<AxisSource>> open_opentrackio(const AxisSourceOptions& options,
                                                      const std::string& name);
 Result<std::unique_ptr<AxisSource>> open_onvif(const AxisSourceOptions& options,

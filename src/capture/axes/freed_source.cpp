@@ -92,7 +92,8 @@ class FreedSource final : public AxisSource {
 
 Result<std::unique_ptr<AxisSource>> open_freed(const AxisSourceOptions& options,
                                                const std::string& name) {
-  SL_ASSIGN(UdpSocket socket, UdpSocket::listen(options.host, options.port, name));
+  SL_ASSIGN(UdpSocket socket,
+            UdpSocket::listen(options.host, options.interface, options.port, name));
   return std::unique_ptr<AxisSource>(
       std::make_unique<FreedSource>(std::move(socket), options.device));
 }

@@ -15,6 +15,10 @@ namespace {
 
 constexpr std::string_view kDegreesSpace =
     "http://www.onvif.org/ver10/tptz/PanTiltSpaces/SphericalPositionSpaceDegrees";
+constexpr std::string_view kWayDegreesSpace =
+    "http://www.onvif.org/ver10/tptz/PanTiltSpaces/SphericalTranslationSpaceDegrees";
+constexpr std::string_view kWayGenericSpace =
+    "http://www.onvif.org/ver10/tptz/PanTiltSpaces/TranslationGenericSpace";
 constexpr std::string_view kGenericSpace =
     "http://www.onvif.org/ver10/tptz/PanTiltSpaces/PositionGenericSpace";
 
@@ -116,6 +120,32 @@ std::string parse_onvif_profile(std::string_view xml, std::string_view wanted) {
   return {};
 }
 
+std::string parse_onvif_node(std::string_view xml, std::string_view profile) {
+  pugi::xml_document document;
+  if (!read(document, xml)) return {};
+  const pugi::xml_node all = find(document, "GetProfilesResponse");
+  for (const pugi::xml_node one : all.children()) {
+    if (one.attribute("token").value() != profile) continue;
+    return find(find(one, "PTZConfiguration"), "NodeToken").text().get();
+  }
+  return {};
+}
+
+std::optional<OnvifMoves> parse_onvif_moves(std::string_view xml, std::string_view wanted) {
+  pugi::xml_document document;
+  if (!read(document, xml)) return std::nullopt;
+  pugi::xml_node node;
+  for (const pugi::xml_node one : find(document, "GetNodesResponse").children()) {
+    if (!node || one.attribute("token").value() == wanted) node = one;
+  }
+  if (!node) return std::nullopt;
+  OnvifMoves out;
+  out.absolute = static_cast<bool>(find(node, "AbsolutePanTiltPositionSpace"));
+  out.continuous = static_cast<bool>(find(node, "ContinuousPanTiltVelocitySpace"));
+  out.relative = static_cast<bool>(find(node, "RelativePanTiltTranslationSpace"));
+  return out;
+}
+
 std::string parse_onvif_fault(std::string_view xml) {
   pugi::xml_document document;
   if (!read(document, xml)) return {};
@@ -139,6 +169,35 @@ std::string format_onvif_get_status(std::string_view profile) {
   return envelope(
       fmt::format("<GetStatus xmlns=\"http://www.onvif.org/ver20/ptz/wsdl\"><ProfileToken>{}"
                   "</ProfileToken></GetStatus>",
+                  escaped(profile)));
+}
+
+std::string format_onvif_get_nodes() {
+  return envelope("<GetNodes xmlns=\"http://www.onvif.org/ver20/ptz/wsdl\"/>");
+}
+
+std::string format_onvif_relative(std::string_view profile, const HeadAngles& way, bool degrees,
+                                  const HeadAngles& speed) {
+  return envelope(fmt::format(
+      "<RelativeMove xmlns=\"http://www.onvif.org/ver20/ptz/wsdl\"><ProfileToken>{}</ProfileToken>"
+      "<Translation><t:PanTilt x=\"{:.6f}\" y=\"{:.6f}\" space=\"{}\"/></Translation>"
+      "<Speed><t:PanTilt x=\"{:.4f}\" y=\"{:.4f}\"/></Speed></RelativeMove>",
+      escaped(profile), way.x(), way.y(), degrees ? kWayDegreesSpace : kWayGenericSpace, speed.x(),
+      speed.y()));
+}
+
+std::string format_onvif_continuous(std::string_view profile, const HeadAngles& velocity) {
+  return envelope(
+      fmt::format("<ContinuousMove xmlns=\"http://www.onvif.org/ver20/ptz/wsdl\"><ProfileToken>{}"
+                  "</ProfileToken><Velocity><t:PanTilt x=\"{:.4f}\" y=\"{:.4f}\"/></Velocity>"
+                  "<Timeout>PT1S</Timeout></ContinuousMove>",
+                  escaped(profile), velocity.x(), velocity.y()));
+}
+
+std::string format_onvif_stop(std::string_view profile) {
+  return envelope(
+      fmt::format("<Stop xmlns=\"http://www.onvif.org/ver20/ptz/wsdl\"><ProfileToken>{}"
+                  "</ProfileToken><PanTilt>true</PanTilt><Zoom>false</Zoom></Stop>",
                   escaped(profile)));
 }
 

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // ONVIF PTZ over HTTP: its status is asked for some 20 times a second. Requests wait for 200 ms at
-// the longest, those of the beginning for a second.
-#include <curl/curl.h>
-
+// the longest, those of the beginning for a second. A head is told to turn by the first that it has
+// of AbsoluteMove, ContinuousMove and RelativeMove.
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -12,7 +11,9 @@
 
 #include "capture/axes/axis_sources.hpp"
 #include "capture/axes/onvif_messages.hpp"
-#include "sightline/base/files.hpp"
+#include "capture/axes/rate_order.hpp"
+#include "capture/axes/soap_client.hpp"
+#include "sightline/base/log.hpp"
 
 namespace sightline::capture {
 namespace {
@@ -20,112 +21,39 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Duration kPeriod = 50ms;
+constexpr Duration kRepeat = 400ms;  // of a velocity, which ends by itself after a second
 constexpr long kPatienceMs = 200, kOpenPatienceMs = 1000;
 constexpr int kMostFailures = 5;  // in a row
-constexpr size_t kLongestAnswer = 1 << 18;
 constexpr double kDegree = std::numbers::pi / 180;
-constexpr size_t kMostPassword = 4096;  // bytes
+constexpr double kSameVelocity = 0.01;     // of the fastest
+constexpr double kNoWay = 0.25 * kDegree;  // that a relative order is not worth
+constexpr int kTries = 3;                  // of orders that it may not know
 
-struct Cleanup {
-  void operator()(CURL* handle) const { curl_easy_cleanup(handle); }
-  void operator()(curl_slist* list) const { curl_slist_free_all(list); }
-};
-
-size_t append(const char* data, size_t size, size_t count, void* to) {
-  auto& answer = *static_cast<std::string*>(to);
-  if (answer.size() + size * count > kLongestAnswer) return 0;
-  answer.append(data, size * count);
-  return size * count;
-}
-
-Result<std::string> password_of(const AxisSourceOptions& options) {
-  if (options.password_file.empty()) return std::string();
-  SL_ASSIGN(const std::string text, read_file(options.password_file, kMostPassword));
-  return text.substr(0, text.find_first_of("\r\n"));
-}
-
-/// One connection to a camera's services.
-class SoapClient {
- public:
-  static Result<SoapClient> create(const AxisSourceOptions& options, const std::string& name) {
-    static const CURLcode started = curl_global_init(CURL_GLOBAL_DEFAULT);
-    std::unique_ptr<CURL, Cleanup> handle(started == CURLE_OK ? curl_easy_init() : nullptr);
-    std::unique_ptr<curl_slist, Cleanup> headers(
-        curl_slist_append(nullptr, "Content-Type: application/soap+xml; charset=utf-8"));
-    if (!handle || !headers) {
-      return make_error(ErrorCode::kInternal, name, "libcurl cannot be used");
-    }
-    curl_easy_setopt(handle.get(), CURLOPT_NOSIGNAL, 1L);
-    curl_easy_setopt(handle.get(), CURLOPT_PROTOCOLS_STR, "http");
-    curl_easy_setopt(handle.get(), CURLOPT_PROXY, "");
-    curl_easy_setopt(handle.get(), CURLOPT_HTTPHEADER, headers.get());
-    curl_easy_setopt(handle.get(), CURLOPT_WRITEFUNCTION, append);
-    if (!options.user.empty()) {
-      SL_ASSIGN(const std::string password, password_of(options));
-      curl_easy_setopt(handle.get(), CURLOPT_HTTPAUTH, CURLAUTH_DIGEST);
-      curl_easy_setopt(handle.get(), CURLOPT_USERNAME, options.user.c_str());
-      curl_easy_setopt(handle.get(), CURLOPT_PASSWORD, password.c_str());
-    }
-    const bool v6 = options.host.find(':') != std::string::npos;
-    std::string base = "http://" + (v6 ? "[" + options.host + "]" : options.host) + ":" +
-                       std::to_string(options.port);
-    return SoapClient(std::move(handle), std::move(headers), std::move(base), name);
-  }
-
-  Result<std::string> ask(const std::string& path, const std::string& body, long patience_ms) {
-    CURL* const handle = handle_.get();
-    std::string answer;
-    const std::string url = base_ + path;
-    curl_easy_setopt(handle, CURLOPT_URL, url.c_str());
-    curl_easy_setopt(handle, CURLOPT_POSTFIELDSIZE, static_cast<long>(body.size()));
-    curl_easy_setopt(handle, CURLOPT_COPYPOSTFIELDS, body.c_str());
-    curl_easy_setopt(handle, CURLOPT_WRITEDATA, &answer);
-    curl_easy_setopt(handle, CURLOPT_TIMEOUT_MS, patience_ms);
-    const CURLcode code = curl_easy_perform(handle);
-    if (code != CURLE_OK) {
-      return make_error(ErrorCode::kUnavailable, name_, "{} does not answer: {}", url,
-                        curl_easy_strerror(code));
-    }
-    long status = 0;
-    curl_easy_getinfo(handle, CURLINFO_RESPONSE_CODE, &status);
-    if (status == 401 || status == 403) {
-      return make_error(ErrorCode::kInvalidInput, name_,
-                        "{} refuses: give its user as axes_user and axes_password_file", url);
-    }
-    if (const std::string fault = parse_onvif_fault(answer); !fault.empty()) {
-      return make_error(ErrorCode::kUnavailable, name_, "{} refuses: {}", url, fault);
-    }
-    if (status != 200) {
-      return make_error(ErrorCode::kUnavailable, name_, "{} answers with status {}", url, status);
-    }
-    return answer;
-  }
-
- private:
-  SoapClient(std::unique_ptr<CURL, Cleanup> handle, std::unique_ptr<curl_slist, Cleanup> headers,
-             std::string base, std::string name)
-      : headers_(std::move(headers)),
-        handle_(std::move(handle)),
-        base_(std::move(base)),
-        name_(std::move(name)) {}
-
-  std::unique_ptr<curl_slist, Cleanup> headers_;  // outlives the handle
-  std::unique_ptr<CURL, Cleanup> handle_;
-  std::string base_, name_;
+struct Profile {
+  std::string path, token;
+  HeadOrders orders = HeadOrders::kAbsolute;
+  bool tried = true;  ///< it is known that it takes such orders, or they were chosen
 };
 
 class OnvifSource final : public AxisSource {
  public:
-  OnvifSource(SoapClient client, std::string path, std::string profile,
-              const AxisSourceOptions& options)
+  OnvifSource(SoapClient client, Profile profile, const AxisSourceOptions& options,
+              std::string name)
       : client_(std::move(client)),
-        path_(std::move(path)),
         profile_(std::move(profile)),
+        name_(std::move(name)),
         unit_(options.degrees_per_unit * kDegree),
         fastest_(options.fastest) {}
+  OnvifSource(const OnvifSource&) = delete;
+  OnvifSource& operator=(const OnvifSource&) = delete;
+  ~OnvifSource() override {
+    if (!velocity_.isZero()) {
+      (void)client_.ask(profile_.path, format_onvif_stop(profile_.token), kPatienceMs);
+    }
+  }
 
   Result<std::optional<AxisReading>> next(Duration timeout) override {
-    if (order_) send_order();
+    send_orders();
     const Duration early = asked_ + kPeriod - MonotonicClock::now();
     if (early > timeout) {
       sleep_for(timeout);
@@ -133,7 +61,8 @@ class OnvifSource final : public AxisSource {
     }
     sleep_for(std::max<Duration>(early, 0ms));
     asked_ = MonotonicClock::now();
-    const auto answer = client_.ask(path_, format_onvif_get_status(profile_), kPatienceMs);
+    const auto answer =
+        client_.ask(profile_.path, format_onvif_get_status(profile_.token), kPatienceMs);
     const Time answered = MonotonicClock::now();
     const auto status = answer ? parse_onvif_status(*answer) : std::optional<OnvifStatus>();
     if (!status) {
@@ -148,6 +77,7 @@ class OnvifSource final : public AxisSource {
     reading.stamp = asked_ + (answered - asked_) / 2;
     reading.pan = status->pan * unit();
     reading.tilt = status->tilt * unit();
+    angles_ = HeadAngles(reading.pan, reading.tilt);
     reading.zoom = status->zoom;
     reading.moving = status->moving;
     return std::optional(reading);
@@ -161,27 +91,91 @@ class OnvifSource final : public AxisSource {
   static void sleep_for(Duration time) { std::this_thread::sleep_for(time); }
 
   // Not before the first status: it says how places are counted.
-  void send_order() {
+  void send_orders() {
     if (counts_.good == 0) return;
-    const auto share = [this](double rate) {
-      return std::clamp(std::abs(rate) / fastest_, 0.01, 1.0);
-    };
-    const HeadAngles speed(share(order_->rate.x()), share(order_->rate.y()));
-    const auto body = format_onvif_move(profile_, order_->place / unit(), degrees_, speed);
-    order_.reset();
+    const bool by_rate = profile_.orders == HeadOrders::kContinuous;
+    if (order_) {
+      const HeadOrder order = *order_;
+      order_.reset();
+      if (by_rate) {
+        rate_.take(order, MonotonicClock::now());
+      } else {
+        send_place(order);
+      }
+    }
+    if (by_rate) send_velocity();
+  }
+
+  HeadAngles shares(const HeadAngles& rates) const {
+    return (rates.array().abs() / fastest_).min(1.0).max(0.01).matrix();
+  }
+
+  void send_place(const HeadOrder& order) {
+    const HeadAngles speed = shares(order.rate);
+    if (profile_.orders == HeadOrders::kAbsolute) {
+      const HeadAngles place = order.place / unit();
+      return send(format_onvif_move(profile_.token, place, degrees_, speed));
+    }
+    const HeadAngles way = order.place - angles_;
+    if (way.cwiseAbs().maxCoeff() < kNoWay) return;
+    send(format_onvif_relative(profile_.token, way / unit(), degrees_, speed));
+  }
+
+  void send_velocity() {
+    const Time now = MonotonicClock::now();
+    const HeadAngles velocity = (rate_.rates(now, angles_) / fastest_).cwiseMax(-1.0).cwiseMin(1.0);
+    const bool same = (velocity - velocity_).cwiseAbs().maxCoeff() < kSameVelocity;
+    if (velocity.isZero() ? velocity_.isZero() : same && now - sent_ < kRepeat) return;
+    sent_ = now;
+    send(velocity.isZero() ? format_onvif_stop(profile_.token)
+                           : format_onvif_continuous(profile_.token, velocity));
+    velocity_ = velocity;
+  }
+
+  // Not every camera says what it can do: who refuses to go to places is turned at rates.
+  void send(const std::string& body) {
     ++counts_.ordered;
-    if (!client_.ask(path_, body, kPatienceMs)) ++counts_.refused;
+    const auto answer = client_.ask(profile_.path, body, kPatienceMs);
+    if (answer) {
+      profile_.tried = true;
+      return;
+    }
+    ++counts_.refused;
+    const bool silent = answer.error().code == ErrorCode::kTimeout;
+    if (profile_.tried || silent || ++untried_ < kTries) return;
+    profile_.tried = true;
+    profile_.orders = HeadOrders::kContinuous;
+    log::info({.camera = name_}, "{}: its head takes no places ({}): it is turned at rates", name_,
+              answer.error().text);
   }
 
   SoapClient client_;
-  const std::string path_, profile_;
+  Profile profile_;
+  const std::string name_;
   const double unit_, fastest_;  ///< [rad], [rad/s]
   bool degrees_ = false;
-  Time asked_{};
-  int failures_ = 0;
+  Time asked_{}, sent_{};
+  HeadAngles angles_ = HeadAngles::Zero();    ///< newest, as the device counts
+  HeadAngles velocity_ = HeadAngles::Zero();  ///< in force; shares of the fastest
+  int failures_ = 0, untried_ = 0;
   std::optional<HeadOrder> order_;  ///< not sent yet
+  RateOrder rate_;
   Counts counts_;
 };
+
+// By what it says of its node, or as it is chosen.
+void choose_orders(SoapClient& client, const std::string& node, HeadOrders chosen,
+                   Profile& profile) {
+  if (chosen != HeadOrders::kAny) {
+    profile.orders = chosen;
+    return;
+  }
+  const auto answer = client.ask(profile.path, format_onvif_get_nodes(), kOpenPatienceMs);
+  const auto moves = answer ? parse_onvif_moves(*answer, node) : std::optional<OnvifMoves>();
+  profile.tried = moves && (moves->absolute || moves->continuous || moves->relative);
+  if (!profile.tried || moves->absolute) return;
+  profile.orders = moves->continuous ? HeadOrders::kContinuous : HeadOrders::kRelative;
+}
 
 }  // namespace
 
@@ -198,13 +192,14 @@ Result<std::unique_ptr<AxisSource>> open_onvif(const AxisSourceOptions& options,
   }
   SL_ASSIGN(const std::string profiles,
             client.ask(media, format_onvif_profiles(), kOpenPatienceMs));
-  std::string profile = parse_onvif_profile(profiles, options.profile);
-  if (profile.empty()) {
+  Profile profile{ptz, parse_onvif_profile(profiles, options.profile)};
+  if (profile.token.empty()) {
     return make_error(ErrorCode::kInvalidInput, name, "{} has no profile {} with a head",
                       options.host, options.profile);
   }
+  choose_orders(client, parse_onvif_node(profiles, profile.token), options.orders, profile);
   return std::unique_ptr<AxisSource>(
-      std::make_unique<OnvifSource>(std::move(client), ptz, std::move(profile), options));
+      std::make_unique<OnvifSource>(std::move(client), std::move(profile), options, name));
 }
 
 }  // namespace sightline::capture

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sightline/capture/axes/opentrackio.hpp"
 
+#include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <numbers>
@@ -13,7 +14,7 @@ namespace {
 using Json = nlohmann::json;
 
 constexpr size_t kHeader = 16, kSummed = 14;
-constexpr uint8_t kEncodingJson = 0x01;
+constexpr uint8_t kEncodingJson = 0x01, kEncodingCbor = 0x02;
 constexpr double kDegree = std::numbers::pi / 180;
 
 // Senders take the sums modulo 256 or, as Fletcher did, 255.
@@ -64,10 +65,53 @@ bool is_of_protocol(const Json& sample) {
   return name == nullptr || *name == "OpenTrackIO";
 }
 
-}  // namespace
+// The library's reader of CBOR calls itself for each level, and for pieces of strings within
+// pieces: this goes before, in a loop. Whether it is one item, no deeper than kDeepest, whose
+// strings are in one piece, without tags, and whose lengths fit.
+bool is_plain_cbor(std::string_view cbor) {
+  constexpr size_t kDeepest = 16;
+  constexpr uint64_t kUntilBreak = UINT64_MAX;
+  constexpr int kBytes = 2, kText = 3, kArray = 4, kMap = 5, kTag = 6;
+  std::array<uint64_t, kDeepest> left{};  // items to come, by level
+  size_t depth = 0, at = 0;
+  do {
+    if (at >= cbor.size()) return false;
+    const auto head = static_cast<uint8_t>(cbor[at++]);
+    const int kind = head >> 5, size = head & 31;
+    const bool ends = head == 0xFF;
+    uint64_t number = static_cast<uint64_t>(size);
+    if (size >= 24 && size <= 27) {
+      const size_t bytes = size_t{1} << (size - 24);
+      if (cbor.size() - at < bytes) return false;
+      number = 0;
+      for (size_t i = 0; i < bytes; ++i) number = number << 8 | static_cast<uint8_t>(cbor[at++]);
+    } else if (size == 31 && (kind == kArray || kind == kMap)) {
+      number = kUntilBreak;
+    } else if (size > 27 && !ends) {
+      return false;
+    }
+    if (kind == kTag) return false;
+    if (ends) {
+      if (depth == 0 || left[depth - 1] != kUntilBreak) return false;
+      --depth;
+    } else if (kind == kBytes || kind == kText) {
+      if (number > cbor.size() - at) return false;
+      at += number;
+    } else if (kind == kArray || kind == kMap) {
+      if (number != kUntilBreak && number > cbor.size()) return false;
+      if (number != kUntilBreak && kind == kMap) number *= 2;
+      if (number > 0) {
+        if (depth == kDeepest) return false;
+        left[depth++] = number;
+        continue;
+      }
+    }
+    while (depth > 0 && left[depth - 1] != kUntilBreak && --left[depth - 1] == 0) --depth;
+  } while (depth > 0);
+  return at == cbor.size();
+}
 
-std::optional<OpenTrackIoSample> parse_opentrackio(std::string_view json) {
-  const Json sample = Json::parse(json.begin(), json.end(), nullptr, false);
+std::optional<OpenTrackIoSample> read_sample(const Json& sample) {
   if (!sample.is_object() || !is_of_protocol(sample)) return std::nullopt;
   const Json* rotation = camera_rotation(sample);
   const auto pan = number(rotation, "pan"), tilt = number(rotation, "tilt");
@@ -89,15 +133,27 @@ std::optional<OpenTrackIoSample> parse_opentrackio(std::string_view json) {
   return out;
 }
 
+}  // namespace
+
+std::optional<OpenTrackIoSample> parse_opentrackio(std::string_view json) {
+  return read_sample(Json::parse(json.begin(), json.end(), nullptr, false));
+}
+
+std::optional<OpenTrackIoSample> parse_opentrackio_cbor(std::string_view cbor) {
+  if (!is_plain_cbor(cbor)) return std::nullopt;
+  return read_sample(Json::from_cbor(cbor.begin(), cbor.end(), true, false));
+}
+
 OpenTrackIoAssembler::Outcome OpenTrackIoAssembler::add(std::span<const uint8_t> datagram) {
   if (!datagram.empty() && datagram[0] == '{') {
     sequence_ = -1;
     if (datagram.size() > kLongest) return Outcome::kBad;
+    encoding_ = kEncodingJson;
     sample_.assign(datagram.begin(), datagram.end());
     return Outcome::kSample;
   }
   constexpr std::string_view kIdentifier = "OTrk";
-  if (datagram.size() < kHeader || datagram[5] != kEncodingJson ||
+  if (datagram.size() < kHeader || (datagram[5] != kEncodingJson && datagram[5] != kEncodingCbor) ||
       !std::equal(kIdentifier.begin(), kIdentifier.end(), datagram.begin())) {
     return Outcome::kBad;
   }
@@ -115,8 +171,9 @@ OpenTrackIoAssembler::Outcome OpenTrackIoAssembler::add(std::span<const uint8_t>
   if (offset == 0) {
     sample_.clear();
     sequence_ = sequence;
+    encoding_ = datagram[5];
   }
-  if (sequence != sequence_ || offset != sample_.size() ||
+  if (sequence != sequence_ || datagram[5] != encoding_ || offset != sample_.size() ||
       sample_.size() + payload.size() > kLongest) {
     sequence_ = -1;
     return Outcome::kBad;
@@ -125,6 +182,10 @@ OpenTrackIoAssembler::Outcome OpenTrackIoAssembler::add(std::span<const uint8_t>
   if ((flag_and_length & 0x8000) == 0) return Outcome::kPart;
   sequence_ = -1;
   return Outcome::kSample;
+}
+
+std::optional<OpenTrackIoSample> OpenTrackIoAssembler::read() const {
+  return encoding_ == kEncodingCbor ? parse_opentrackio_cbor(sample_) : parse_opentrackio(sample_);
 }
 
 namespace capture {
@@ -156,8 +217,8 @@ class OpenTrackIoSource final : public AxisSource {
     const Time now = MonotonicClock::now();
     const Outcome outcome = assembler_.add(std::span<const uint8_t>(buffer_).first(*length));
     if (outcome == Outcome::kPart) return std::optional<AxisReading>();
-    auto sample = outcome == Outcome::kSample ? parse_opentrackio(assembler_.sample())
-                                              : std::optional<OpenTrackIoSample>();
+    auto sample =
+        outcome == Outcome::kSample ? assembler_.read() : std::optional<OpenTrackIoSample>();
     if (!sample || (source_ >= 0 && sample->source != source_) || is_old(*sample)) {
       ++counts_.bad;
       return std::optional<AxisReading>();
@@ -195,7 +256,8 @@ class OpenTrackIoSource final : public AxisSource {
 
 Result<std::unique_ptr<AxisSource>> open_opentrackio(const AxisSourceOptions& options,
                                                      const std::string& name) {
-  SL_ASSIGN(UdpSocket socket, UdpSocket::listen(options.host, options.port, name));
+  SL_ASSIGN(UdpSocket socket,
+            UdpSocket::listen(options.host, options.interface, options.port, name));
   return std::unique_ptr<AxisSource>(
       std::make_unique<OpenTrackIoSource>(std::move(socket), options.device));
 }

@@ -4,82 +4,27 @@
 // of the serial protocol. The position is asked for some 40 times a second, the zoom now and then.
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <numbers>
 
 #include "capture/axes/axis_sources.hpp"
+#include "capture/axes/visca_messages.hpp"
 
-namespace sightline {
-namespace {
-
-constexpr uint8_t kFrom = 0x90, kCompletion = 0x50, kEnd = 0xFF;
-constexpr int kPanSpeeds = 24, kTiltSpeeds = 20;
-
-// Half-bytes, the upper half of each byte zero.
-std::optional<int> half_bytes(std::span<const uint8_t> bytes) {
-  int value = 0;
-  for (const uint8_t byte : bytes) {
-    if (byte > 0x0F) return std::nullopt;
-    value = value << 4 | byte;
-  }
-  return value;
-}
-
-bool is_answer(std::span<const uint8_t> payload, size_t length) {
-  return payload.size() == length && payload[0] == kFrom && payload[1] == kCompletion &&
-         payload[length - 1] == kEnd;
-}
-
-// Also of what a head cannot do, or not now.
-bool is_error(std::span<const uint8_t> payload) {
-  return payload.size() == 4 && payload[0] == kFrom && (payload[1] & 0xF0) == 0x60 &&
-         payload[3] == kEnd;
-}
-
-int signed16(int value) { return value >= 1 << 15 ? value - (1 << 16) : value; }
-
-}  // namespace
-
-std::optional<std::pair<int, int>> parse_visca_position(std::span<const uint8_t> payload) {
-  if (!is_answer(payload, 11)) return std::nullopt;
-  const auto pan = half_bytes(payload.subspan(2, 4)), tilt = half_bytes(payload.subspan(6, 4));
-  if (!pan || !tilt) return std::nullopt;
-  return std::pair(signed16(*pan), signed16(*tilt));
-}
-
-std::optional<int> parse_visca_zoom(std::span<const uint8_t> payload) {
-  if (!is_answer(payload, 7)) return std::nullopt;
-  return half_bytes(payload.subspan(2, 4));
-}
-
-std::array<uint8_t, 15> format_visca_position(std::pair<int, int> counts,
-                                              std::pair<int, int> speeds) {
-  std::array<uint8_t, 15> out = {0x81, 0x01, 0x06, 0x02};
-  out[4] = static_cast<uint8_t>(std::clamp(speeds.first, 1, kPanSpeeds));
-  out[5] = static_cast<uint8_t>(std::clamp(speeds.second, 1, kTiltSpeeds));
-  const auto put = [&out](size_t at, int value) {
-    const auto bits = static_cast<uint16_t>(std::clamp(value, -32768, 32767));
-    for (size_t i = 0; i < 4; ++i) out[at + i] = static_cast<uint8_t>(bits >> (12 - 4 * i) & 0xF);
-  };
-  put(6, counts.first);
-  put(10, counts.second);
-  out[14] = kEnd;
-  return out;
-}
-
-namespace capture {
+namespace sightline::capture {
 namespace {
 
 using namespace std::chrono_literals;
 
 constexpr Duration kPeriod = 25ms;
-constexpr Duration kPatience = 200ms;  // for an answer
-constexpr int kZoomEvery = 8;
+constexpr Duration kPatience = 200ms;                // for an answer
 constexpr uint8_t kInquiry = 0x10, kCommand = 0x00;  // payload types
 constexpr uint8_t kCanceled = 0x04;                  // an order, by a newer one
 constexpr size_t kHeader = 8;
-constexpr std::array<uint8_t, 5> kAskPosition = {0x81, 0x09, 0x06, 0x12, 0xFF};
-constexpr std::array<uint8_t, 5> kAskZoom = {0x81, 0x09, 0x04, 0x47, 0xFF};
+
+// Also of what a head cannot do, or not now.
+bool is_error(std::span<const uint8_t> payload) {
+  return payload.size() == 4 && payload[0] == 0x90 && (payload[1] & 0xF0) == 0x60 &&
+         payload[3] == 0xFF;
+}
 
 class ViscaSource final : public AxisSource {
  public:
@@ -114,24 +59,17 @@ class ViscaSource final : public AxisSource {
   }
 
   Status ask() {
-    const bool zoom = ++asks_ % kZoomEvery == 1;
+    const bool zoom = ++asks_ % kViscaZoomEvery == 1;
     asked_ = MonotonicClock::now();
     answered_ = false;
     asked_zoom_ = zoom;
-    SL_RETURN_IF_ERROR(send(kInquiry, zoom ? kAskZoom : kAskPosition));
+    SL_RETURN_IF_ERROR(send(kInquiry, zoom ? kViscaAskZoom : kViscaAskPosition));
     question_ = sequence_;
     return {};
   }
 
-  // Speeds are steps of the fastest one; never faster than what is ordered but for the slowest.
   Status send_order() {
-    const auto steps = [this](double rate, int most) {
-      return static_cast<int>(std::floor(std::abs(rate) / fastest_ * most + 1e-6));
-    };
-    const std::pair<int, int> counts{static_cast<int>(std::lround(order_->place.x() / count_)),
-                                     static_cast<int>(std::lround(order_->place.y() / count_))};
-    const auto payload = format_visca_position(
-        counts, {steps(order_->rate.x(), kPanSpeeds), steps(order_->rate.y(), kTiltSpeeds)});
+    const auto payload = format_visca_order(*order_, count_, fastest_);
     order_.reset();
     ++counts_.ordered;
     SL_RETURN_IF_ERROR(send(kCommand, payload));
@@ -201,5 +139,4 @@ Result<std::unique_ptr<AxisSource>> open_visca(const AxisSourceOptions& options,
   return std::unique_ptr<AxisSource>(std::make_unique<ViscaSource>(std::move(socket), options));
 }
 
-}  // namespace capture
-}  // namespace sightline
+}  // namespace sightline::capture

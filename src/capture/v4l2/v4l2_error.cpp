@@ -25,6 +25,8 @@ std::string_view doing(V4l2Step step) {
       return "capturing failed from";
     case V4l2Step::kControl:
       return "cannot set a control of";
+    case V4l2Step::kReadControl:
+      return "cannot read a control of";
     case V4l2Step::kQuery:
       return "cannot ask the capabilities of";
   }

@@ -9,6 +9,7 @@
 
 #include <cerrno>
 #include <chrono>
+#include <thread>
 
 namespace sightline::capture {
 namespace {
@@ -46,6 +47,8 @@ class RealV4l2System final : public V4l2System {
   }
 
   Time now() override { return MonotonicClock::now(); }
+
+  void sleep(Duration time) override { std::this_thread::sleep_for(time); }
 };
 
 }  // namespace

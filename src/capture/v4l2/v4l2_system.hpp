@@ -24,6 +24,7 @@ class V4l2System {
   /// Waits for a filled buffer: the revents of poll(), 0 at the time limit.
   virtual int poll(int fd, Duration limit) = 0;
   virtual Time now() = 0;
+  virtual void sleep(Duration time) = 0;
 };
 
 std::shared_ptr<V4l2System> real_v4l2_system();

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "sightline/pipeline/turning/scan_places.hpp"
+
 namespace sightline {
 
 using namespace std::chrono_literals;
@@ -19,6 +21,11 @@ constexpr Duration kGoalLasts = 500ms;
 // may be in force says. An order's latency is known badly, and heads have their own idea of rates.
 constexpr Duration kWatched = 500ms, kDisturbedFor = 120ms;
 constexpr double kOwnIdea = 3 * kDegree, kOwnShare = 0.25;
+constexpr double kReach = 2 * kDegree;  // beyond the range, of what is followed already
+// Looking around: time at a place, in which searches find what it shows; it is there when so near;
+// a head that does not come there is not waited for.
+constexpr Duration kLook = 800ms, kLate = 3s;
+constexpr double kThere = 1 * kDegree;
 constexpr double kSamePlace = 0.02 * kDegree;
 
 Eigen::Vector3d middle_ray(const CameraModel& model) {
@@ -36,6 +43,8 @@ std::string_view to_string(FollowMode mode) {
       return "following";
     case FollowMode::kWaiting:
       return "waiting";
+    case FollowMode::kScanning:
+      return "scanning";
     case FollowMode::kHome:
       return "home";
     case FollowMode::kHeld:
@@ -51,7 +60,8 @@ Follower::Follower(const FollowConfig& config, const CalibratedCamera& camera)
       axes_(camera.axes.value_or(CameraAxes{})),
       ray_(middle_ray(camera.model)),
       pan_(config.limits, 0),
-      tilt_(config.limits, 1) {}
+      tilt_(config.limits, 1),
+      view_(view_angles(camera.model)) {}
 
 void Follower::hold(const std::optional<HeadAngles>& place, Time until) {
   held_ = place;
@@ -83,25 +93,55 @@ std::optional<Follower::Goal> Follower::aim(Time when, const PoseTrack& track,
   return Goal{*angles, (*ahead - *angles) / kSlope};
 }
 
-std::optional<Follower::Goal> Follower::see(Time now, std::span<const PoseTrackPtr> tracks,
-                                            std::span<const FollowTarget> targets) {
+std::optional<Follower::Goal> Follower::see(Time now, const Scene& scene) {
   const Time when = now + from_seconds(config_.limits.latency_s);
-  for (const FollowTarget& target : targets) {
-    const size_t index = target.object.index();
-    if (index >= tracks.size() || !tracks[index] || tracks[index]->empty()) continue;
-    auto goal = aim(when, *tracks[index], target);
-    if (!goal) continue;
-    // Velocities jitter by what is measured new: heads need not.
-    const bool same = status_.object == target.object && now - goal_time_ < kGoalLasts;
-    const double share = same ? std::min(to_seconds(now - goal_time_) / kSmooth, 1.0) : 1;
-    goal->rates = last_goal_.rates + share * (goal->rates - last_goal_.rates);
-    if (!same) goal->rates.setZero();
-    last_goal_ = *goal;
-    goal_time_ = now;
-    status_.object = target.object;
-    return goal;
+  std::vector<std::optional<Goal>> goals(scene.targets.size());
+  for (size_t i = 0; i < goals.size(); ++i) {
+    const size_t index = scene.targets[i].object.index();
+    if (index >= scene.tracks.size() || !scene.tracks[index] || scene.tracks[index]->empty()) {
+      continue;
+    }
+    goals[i] = aim(when, *scene.tracks[index], scene.targets[i]);
+    if (goals[i] && !scene.shared) break;
+  }
+  const auto chosen = choose(now, scene, goals);
+  if (!chosen) return std::nullopt;
+  for (size_t i = 0; i < goals.size(); ++i) {
+    if (goals[i] && scene.targets[i].object == *chosen) return smoothed(now, *chosen, *goals[i]);
   }
   return std::nullopt;
+}
+
+// Of those that can be seen.
+std::optional<ObjectId> Follower::choose(Time now, const Scene& scene,
+                                         std::span<const std::optional<Goal>> goals) const {
+  const HeadLimits& limits = config_.limits;
+  std::vector<FollowBid> bids;
+  for (size_t i = 0; i < goals.size(); ++i) {
+    if (!goals[i]) continue;
+    const ObjectId object = scene.targets[i].object;
+    if (!scene.shared) return object;
+    const double slack = status_.object == object ? kReach : 0;
+    const auto angles = goals[i]->angles.array();
+    const bool within = (angles >= limits.low.array() - slack).all() &&
+                        (angles <= limits.high.array() + slack).all();
+    bids.push_back(
+        {object, static_cast<int>(i), (goals[i]->angles - status_.angles).norm(), within});
+  }
+  if (!scene.shared) return std::nullopt;
+  return scene.shared->sharing.choose(scene.shared->number, now, bids);
+}
+
+// Velocities jitter by what is measured new: heads need not.
+Follower::Goal Follower::smoothed(Time now, ObjectId object, Goal goal) {
+  const bool same = status_.object == object && now - goal_time_ < kGoalLasts;
+  const double share = same ? std::min(to_seconds(now - goal_time_) / kSmooth, 1.0) : 1;
+  goal.rates = last_goal_.rates + share * (goal.rates - last_goal_.rates);
+  if (!same) goal.rates.setZero();
+  last_goal_ = goal;
+  goal_time_ = now;
+  status_.object = object;
+  return goal;
 }
 
 // Somebody else moves it: in half a second it went further than all that may be in force.
@@ -143,36 +183,79 @@ void Follower::stop(Time now, FollowMode mode) {
   status_.error.setZero();
 }
 
+// Others have the head: what it lost before is not looked for afterwards.
+void Follower::forget() {
+  lost_ = Time{};
+  scan_due_ = false;
+  scan_.clear();
+}
+
 HeadAngles Follower::stopping_place(Time now) const {
   const Seen& seen = seen_.back();
   return {pan_.stopping_place(now, seen.stamp, seen.angles.x()),
           tilt_.stopping_place(now, seen.stamp, seen.angles.y())};
 }
 
-Follower::Goal Follower::decide(Time now, std::span<const PoseTrackPtr> tracks,
-                                std::span<const FollowTarget> targets) {
+Follower::Goal Follower::decide(Time now, const Scene& scene) {
   if (status_.mode == FollowMode::kHeld) {
     if (!held_) held_ = stopping_place(now);
     status_.object.reset();
     return {*held_, HeadAngles::Zero()};
   }
-  if (const auto goal = see(now, tracks, targets)) {
+  if (const auto goal = see(now, scene)) {
     status_.mode = FollowMode::kFollowing;
     lost_ = Time{};
+    scan_due_ = true;
+    scan_.clear();
     return *goal;
   }
-  if (lost_ == Time{} ||
-      (status_.mode != FollowMode::kWaiting && status_.mode != FollowMode::kHome)) {
+  const FollowMode before = status_.mode;
+  const bool on_its_own = before == FollowMode::kWaiting || before == FollowMode::kScanning ||
+                          before == FollowMode::kHome;
+  if (lost_ == Time{} || !on_its_own) {
     lost_ = now;
     held_ = stopping_place(now);
   }
   status_.object.reset();
-  if (now - lost_ >= config_.home_after) {
-    status_.mode = FollowMode::kHome;
-    return {config_.home, HeadAngles::Zero()};
+  if (now - lost_ < config_.home_after) {
+    status_.mode = FollowMode::kWaiting;
+    return {*held_, HeadAngles::Zero()};
   }
-  status_.mode = FollowMode::kWaiting;
-  return {*held_, HeadAngles::Zero()};
+  if (const auto goal = scan(now)) {
+    status_.mode = FollowMode::kScanning;
+    return *goal;
+  }
+  status_.mode = FollowMode::kHome;
+  return {config_.home, HeadAngles::Zero()};
+}
+
+// From place to place, while there are some and its time lasts.
+std::optional<Follower::Goal> Follower::scan(Time now) {
+  if (!scan_due_ || now - lost_ >= config_.home_after + config_.scan) {
+    scan_due_ = false;
+    return std::nullopt;
+  }
+  const HeadLimits& limits = config_.limits;
+  const auto go_on = [&] {
+    const HeadAngles way = (scan_.back() - status_.angles).cwiseAbs();
+    scan_there_ = Time{};
+    scan_next_ = now + kLate + from_seconds(way.maxCoeff() / limits.max_rate);
+  };
+  if (scan_.empty()) {
+    scan_ = scan_places(last_goal_.angles, view_, limits);
+    std::ranges::reverse(scan_);
+    go_on();
+  }
+  const double off = (scan_.back() - status_.angles).cwiseAbs().maxCoeff();
+  if (scan_there_ == Time{} && off < kThere + limits.dead_zone) scan_there_ = now;
+  const bool looked = scan_there_ != Time{} && now - scan_there_ >= kLook;
+  if (looked || now >= scan_next_) {
+    scan_.pop_back();
+    scan_due_ = !scan_.empty();
+    if (!scan_due_) return std::nullopt;
+    go_on();
+  }
+  return Goal{scan_.back(), HeadAngles::Zero()};
 }
 
 std::optional<HeadOrder> Follower::drive(Time now, const Goal& goal) {
@@ -192,28 +275,33 @@ std::optional<HeadOrder> Follower::drive(Time now, const Goal& goal) {
 
 std::optional<HeadOrder> Follower::step(Time now, const AxisHistory& history,
                                         std::span<const PoseTrackPtr> tracks,
-                                        std::span<const FollowTarget> targets) {
+                                        std::span<const FollowTarget> targets,
+                                        const std::optional<SharedHead>& shared) {
   // What is known of the present without going on from it: what readings say now was true then.
   const Time then = now - from_seconds(axes_.latency_s);
   const AxesAt at = history.at(then);
   const bool ended = status_.until != Time{} && now >= status_.until;
   if (ended) release();
-  if (at.state != AxesState::kKnown && at.state != AxesState::kZoomed) {
+  const bool blind = at.state != AxesState::kKnown && at.state != AxesState::kZoomed;
+  if (blind) {
     seen_.clear();
     const bool kept = status_.mode == FollowMode::kHeld;
     stop(now, kept ? FollowMode::kHeld : FollowMode::kBlind);
-    return std::nullopt;
+  } else {
+    if (seen_.empty()) quiet_ = now + kWatched;
+    status_.angles = {at.pan, at.tilt};
+    if (seen_.empty() || then > seen_.back().stamp) seen_.push_back({then, status_.angles});
+    while (then - seen_.front().stamp > 2 * kWatched) seen_.pop_front();
+    if (status_.mode != FollowMode::kHeld && disturbed(now)) {
+      if (status_.mode != FollowMode::kYielding) stop(now, FollowMode::kYielding);
+      status_.until = now + config_.yield;
+    }
   }
-  if (seen_.empty()) quiet_ = now + kWatched;
-  status_.angles = {at.pan, at.tilt};
-  if (seen_.empty() || then > seen_.back().stamp) seen_.push_back({then, status_.angles});
-  while (then - seen_.front().stamp > 2 * kWatched) seen_.pop_front();
-  if (status_.mode != FollowMode::kHeld && disturbed(now)) {
-    if (status_.mode != FollowMode::kYielding) stop(now, FollowMode::kYielding);
-    status_.until = now + config_.yield;
-  }
-  if (status_.mode == FollowMode::kYielding) return std::nullopt;
-  return drive(now, decide(now, tracks, targets));
+  const bool taken = status_.mode == FollowMode::kHeld || status_.mode == FollowMode::kYielding;
+  if (taken) forget();
+  if ((taken || blind) && shared) shared->sharing.leave(shared->number);
+  if (blind || status_.mode == FollowMode::kYielding) return std::nullopt;
+  return drive(now, decide(now, {tracks, targets, shared}));
 }
 
 }  // namespace sightline

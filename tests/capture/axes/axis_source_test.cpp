@@ -87,7 +87,38 @@ TEST(AxisSource, AddressesAreTakenApart) {
   EXPECT_EQ(onvif->port, 8080);
   EXPECT_EQ(onvif->profile, "Profile_1");
   EXPECT_EQ(read("onvif:10.0.0.8")->port, 80);
+  const auto line = read("visca:/dev/serial/by-path/pci-0000:00:14.0-usb-0:2:1.0-port0#3");
+  ASSERT_TRUE(line.has_value());
+  EXPECT_EQ(line->protocol, AxisProtocol::kViscaSerial);
+  EXPECT_EQ(line->line, "/dev/serial/by-path/pci-0000:00:14.0-usb-0:2:1.0-port0");
+  EXPECT_EQ(line->device, 3);
+  EXPECT_EQ(read("visca:/dev/ttyUSB0")->device, 1);
+  const auto control = read("v4l2:serial:A7,usb:1-2");
+  ASSERT_TRUE(control.has_value());
+  EXPECT_EQ(control->protocol, AxisProtocol::kV4l2);
+  EXPECT_EQ(control->line, "serial:A7,usb:1-2");
+  EXPECT_EQ(control->counts_per_degree, 3600);
+  EXPECT_EQ(read("v4l2")->line, "");
+  const auto group = read("opentrackio:239.135.1.3%eth0:55555/3");
+  ASSERT_TRUE(group.has_value());
+  EXPECT_EQ(group->host, "239.135.1.3");
+  EXPECT_EQ(group->interface, "eth0");
+  EXPECT_EQ(group->port, 55555);
+  EXPECT_EQ(read("freed:[ff02::7%lo]:4000")->interface, "lo");
+  EXPECT_EQ(read("freed:239.1.1.1:4000")->interface, "");
   for (const char* wrong : {"",
+                            "opentrackio:127.0.0.1%lo:5555",
+                            "freed:239.1.1.1%:5555",
+                            "freed:239.1.1.1%a/b:5555",
+                            "freed:239.1.1.1%sixteencharacters:5555",
+                            "visca:239.1.1.1",
+                            "onvif:[ff02::1%lo]",
+                            "v4l2:",
+                            "v4l2x",
+                            "visca:/",
+                            "visca:/dev/ttyS0#0",
+                            "visca:/dev/ttyS0#8",
+                            "visca:/dev/ttyS0#",
                             "freed:",
                             "freed:0",
                             "freed:70000",

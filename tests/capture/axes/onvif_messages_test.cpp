@@ -68,6 +68,44 @@ TEST(Onvif, TheProfileHasAHead) {
   EXPECT_EQ(parse_onvif_profile(text, "four"), "");
 }
 
+TEST(Onvif, ANodeSaysHowItsHeadIsTurned) {
+  const std::string profiles =
+      "<a><GetProfilesResponse><Profiles token='one'><PTZConfiguration token='p'><NodeToken>n1"
+      "</NodeToken></PTZConfiguration></Profiles><Profiles "
+      "token='two'><PTZConfiguration/></Profiles>"
+      "</GetProfilesResponse></a>";
+  EXPECT_EQ(parse_onvif_node(profiles, "one"), "n1");
+  EXPECT_EQ(parse_onvif_node(profiles, "two"), "");
+  EXPECT_EQ(parse_onvif_node(profiles, "three"), "");
+  const std::string nodes =
+      "<a><GetNodesResponse><PTZNode token='n0'><SupportedPTZSpaces><AbsolutePanTiltPositionSpace>"
+      "<URI>x</URI></AbsolutePanTiltPositionSpace></SupportedPTZSpaces></PTZNode><PTZNode "
+      "token='n1'>"
+      "<SupportedPTZSpaces><RelativePanTiltTranslationSpace/><ContinuousPanTiltVelocitySpace/>"
+      "<ContinuousZoomVelocitySpace/></SupportedPTZSpaces></PTZNode></GetNodesResponse></a>";
+  const auto own = parse_onvif_moves(nodes, "n1");
+  ASSERT_TRUE(own.has_value());
+  EXPECT_FALSE(own->absolute);
+  EXPECT_TRUE(own->continuous && own->relative);
+  const auto first = parse_onvif_moves(nodes, "");
+  ASSERT_TRUE(first.has_value());
+  EXPECT_TRUE(first->absolute);
+  EXPECT_FALSE(first->continuous || first->relative);
+  EXPECT_FALSE(parse_onvif_moves("<a><GetNodesResponse/></a>", "").has_value());
+  EXPECT_FALSE(parse_onvif_moves("", "").has_value());
+}
+
+TEST(Onvif, MovesAreWrittenAsOrdered) {
+  const std::string move = format_onvif_continuous("p", {0.5, -1});
+  EXPECT_NE(move.find("<Velocity><t:PanTilt x=\"0.5000\" y=\"-1.0000\"/></Velocity>"),
+            std::string::npos);
+  EXPECT_NE(move.find("<Timeout>PT1S</Timeout>"), std::string::npos);
+  const std::string way = format_onvif_relative("p", {0.01, -0.02}, false, {1, 0.5});
+  EXPECT_NE(way.find("<Translation><t:PanTilt x=\"0.010000\" y=\"-0.020000\" space=\"http"),
+            std::string::npos);
+  EXPECT_NE(format_onvif_stop("p").find("<PanTilt>true</PanTilt>"), std::string::npos);
+}
+
 TEST(Onvif, AFaultSaysWhy) {
   EXPECT_EQ(parse_onvif_fault("<a><Fault><Reason><Text>not now</Text></Reason></Fault></a>"),
             "not now");

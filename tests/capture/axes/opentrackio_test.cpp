@@ -64,6 +64,77 @@ TEST(OpenTrackIo, WhatIsNoRotationIsRefused) {
   EXPECT_FALSE(parse_opentrackio(std::string(100000, '[')).has_value());
 }
 
+// {"transforms": [{"id": "Camera", "rotation": {"pan": 12.5 (half), "tilt": -3.25 (double)}}],
+//  "sourceNumber": 7}, byte by byte after RFC 8949.
+std::string cbor_sample() {
+  std::string out;
+  const auto bytes = [&out](std::initializer_list<int> values) {
+    for (const int value : values) out.push_back(static_cast<char>(value));
+  };
+  const auto text = [&](const std::string& word) {
+    bytes({0x60 + static_cast<int>(word.size())});
+    out += word;
+  };
+  bytes({0xA2});
+  text("transforms");
+  bytes({0x81, 0xA2});
+  text("id");
+  text("Camera");
+  text("rotation");
+  bytes({0xA2});
+  text("pan");
+  bytes({0xF9, 0x4A, 0x40});
+  text("tilt");
+  bytes({0xFB, 0xC0, 0x0A, 0, 0, 0, 0, 0, 0});
+  text("sourceNumber");
+  bytes({0x07});
+  return out;
+}
+
+TEST(OpenTrackIo, CborSaysTheSame) {
+  const auto sample = parse_opentrackio_cbor(cbor_sample());
+  ASSERT_TRUE(sample.has_value());
+  EXPECT_NEAR(sample->reading.pan, 12.5 * kDegree, 1e-12);
+  EXPECT_NEAR(sample->reading.tilt, -3.25 * kDegree, 1e-12);
+  EXPECT_EQ(sample->source, 7);
+}
+
+TEST(OpenTrackIo, CborMayLeaveItsLengthsOpen) {
+  std::string open = cbor_sample();
+  open[0] = '\xBF';
+  open.push_back('\xFF');
+  const auto sample = parse_opentrackio_cbor(open);
+  ASSERT_TRUE(sample.has_value());
+  EXPECT_NEAR(sample->reading.pan, 12.5 * kDegree, 1e-12);
+  EXPECT_FALSE(parse_opentrackio_cbor(open + '\xFF').has_value());
+}
+
+TEST(OpenTrackIo, WhatIsNoCborIsRefused) {
+  const std::string good = cbor_sample();
+  for (size_t length = 0; length < good.size(); ++length) {
+    EXPECT_FALSE(parse_opentrackio_cbor(good.substr(0, length)).has_value()) << length;
+  }
+  EXPECT_FALSE(parse_opentrackio_cbor(good + '\0').has_value());
+  EXPECT_FALSE(parse_opentrackio_cbor(kSample).has_value());
+  std::string infinite = good;
+  infinite.replace(infinite.find("\xF9"), 3, std::string("\xF9\x7C\x00", 3));
+  EXPECT_FALSE(parse_opentrackio_cbor(infinite).has_value());
+  EXPECT_FALSE(parse_opentrackio_cbor(std::string(1, '\xC1') + good).has_value());  // tagged
+  // What a reader that calls itself, or believes lengths, would die of.
+  for (const char* piece : {"\x81", "\x9F", "\xA1\x61k", "\xC1", "\x5F", "\x7F", "\x7F\x60"}) {
+    std::string deep;
+    while (deep.size() < OpenTrackIoAssembler::kLongest - 4) deep += piece;
+    EXPECT_FALSE(parse_opentrackio_cbor(deep).has_value());
+    EXPECT_FALSE(parse_opentrackio_cbor(deep + deep).has_value());
+  }
+  for (const char kind : {'\x5B', '\x7B', '\x9B', '\xBB'}) {
+    for (const std::string& length : {std::string(8, '\xFF'), '\x7F' + std::string(7, '\xFF'),
+                                      std::string("\0\0\0\x10\0\0\0\0", 8)}) {
+      EXPECT_FALSE(parse_opentrackio_cbor(kind + length).has_value());
+    }
+  }
+}
+
 TEST(OpenTrackIo, APacketIsCheckedByteByByte) {
   OpenTrackIoAssembler assembler;
   ASSERT_EQ(assembler.add(abc_packet()), Outcome::kSample);

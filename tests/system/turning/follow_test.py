@@ -100,6 +100,7 @@ class Follow(DaemonCase):
         errors = self.errors(60)
         self.assertLess(statistics.median(errors), 3, errors)
         self.assertEqual(self.head()["object"], "carton")
+        wait_until(lambda: self.daemon.state()["objects"][0].get("followed_by") == ["head"], "the object says who follows it")
         client = Client(self.daemon.http)
         # An operator's order.
         self.assertEqual(client.post("/api/v1/cameras/head/turn", {"pan_deg": -30, "tilt_deg": 5, "seconds": 60}), (202, {}))
@@ -119,6 +120,18 @@ class Follow(DaemonCase):
         self.assertIn("somebody else turns it", self.daemon.log_text())
         self.becomes("following")
         self.assertGreater(self.daemon.metric("sightline_follow_orders_total", camera="head"), 10)
+        self.check_limits()
+        self.assertEqual(self.daemon.stop(), 0, self.daemon.log_text())
+
+    def test_it_looks_around_for_what_it_lost(self):
+        text = self.installation(FOLLOW + "scan = 60\n")
+        self.daemon = self.start(text)
+        self.becomes("following")
+        # The fixed cameras go: nobody sees it any more.
+        self.assertTrue(self.reload(self.daemon, text.replace(f"replay:{BENCH}", "http://127.0.0.1:9/video")))
+        self.becomes("scanning")
+        first = list(self.simulator.angles)
+        wait_until(lambda: math.dist(first, self.simulator.angles) > 25, "it looks elsewhere")
         self.check_limits()
         self.assertEqual(self.daemon.stop(), 0, self.daemon.log_text())
 
@@ -151,7 +164,8 @@ class Follow(DaemonCase):
                                ('"carton"]', '"kettle"]', "there is no such object"),
                                ("home_deg = [40, 10]", "home_deg = [50, 10]", "lies outside"),
                                (f"pan_range_deg = {list(PAN)}", "pan_range_deg = [45, -50]", "the smaller angle"),
-                               ("yield = 3", "yields = 3", "yield")]:
+                               ("yield = 3", "yields = 3", "yield"), ("yield = 3", "scan = -1", "scan"),
+                               ("yield = 3", 'orders = "relative"', "goes with axes"), ("yield = 3", 'orders = "fast"', "known: ")]:
             text = good.replace(old, new)
             self.assertNotEqual(text, good)
             if "freed" in new:

@@ -26,10 +26,10 @@ class Head:
 
 
 class FreedSender(Head):
-    """Sends 50 packets a second to a port; `mode` is what is wrong with them."""
+    """Sends 50 packets a second to a port, or to a group on the loopback interface; `mode` is what is wrong with them."""
 
-    def __init__(self, port):
-        self.address = ("127.0.0.1", port)
+    def __init__(self, port, group=None):
+        self.address = (group or "127.0.0.1", port)
         self.mode = "good"
         self.running = True
         self.thread = threading.Thread(target=self.run, daemon=True)
@@ -37,6 +37,7 @@ class FreedSender(Head):
 
     def run(self):
         out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        out.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
         count = 0
         while self.running:
             pan, tilt = self.angles(time.monotonic())

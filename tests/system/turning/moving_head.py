@@ -57,7 +57,8 @@ class MovingHead:
 
     def move(self, now):
         while self.coming and self.coming[0][0] <= now:
-            _, self.goal, self.speed = self.coming.pop(0)
+            _, goal, self.speed = self.coming.pop(0)
+            self.goal = goal() if callable(goal) else goal
         while self.past[-1][0] < now:
             step = min(now - self.past[-1][0], 0.01)
             for axis in (0, 1):

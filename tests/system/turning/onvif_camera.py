@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A camera with ONVIF PTZ, written from the specifications: SOAP 1.2 over HTTP with digest authentication (RFC 7616, MD5 as
 cameras have it). It turns as moving_head.MovingHead does; shares nothing with the daemon."""
+import collections
 import hashlib
 import http.server
 import math
@@ -29,8 +30,10 @@ class OnvifCamera(MovingHead):
     PER_UNIT = 170.0  # degrees
     USER, PASSWORD, REALM = "operator", 'a "secret" & more', "camera"
 
-    def __init__(self, space=GENERIC):
-        self.space = space
+    def __init__(self, space=GENERIC, moves=("Absolute", "Continuous", "Relative"), tells=True):
+        self.space, self.moves, self.tells = space, moves, tells
+        self.requests = collections.Counter()
+        self.timeout = None  # when a continuous move ends by itself
         self.shown = None  # the position that it keeps saying while frozen
         self.nonce, self.refused = md5(str(time.time())), 0
         super().__init__()  # its VISCA side is not used
@@ -39,6 +42,29 @@ class OnvifCamera(MovingHead):
         self.server.daemon_threads = True
         self.http_port = self.server.server_address[1]
         threading.Thread(target=self.server.serve_forever, daemon=True).start()
+
+    def move(self, now):
+        if self.timeout and now >= self.timeout:
+            self.timeout = None
+            self.coming.append((now, self.halt, self.speed))
+        super().move(now)
+
+    def halt(self):
+        return [angle + rate * abs(rate) / 2 / self.ACCELERATION for angle, rate in zip(self.angles, self.rates)]
+
+    def velocity(self, shares):
+        """Turns on at so many shares of the fastest; an axis without one stands."""
+        def goal():
+            return [there if share == 0 else math.copysign(1e4, share) for share, there in zip(shares, self.halt())]
+        self.coming.append((time.monotonic() + self.LATENCY_S, goal, [max(abs(share), 0.02) * self.FASTEST for share in shares]))
+
+    def nodes(self):
+        spaces = {"Absolute": f"<tt:AbsolutePanTiltPositionSpace><tt:URI>{self.space}</tt:URI></tt:AbsolutePanTiltPositionSpace>",
+                  "Continuous": "<tt:ContinuousPanTiltVelocitySpace><tt:URI>v</tt:URI></tt:ContinuousPanTiltVelocitySpace>",
+                  "Relative": "<tt:RelativePanTiltTranslationSpace><tt:URI>t</tt:URI></tt:RelativePanTiltTranslationSpace>"}
+        return ('<tptz:GetNodesResponse><tptz:PTZNode token="other"><tt:SupportedPTZSpaces/></tptz:PTZNode>'
+                '<tptz:PTZNode token="n2"><tt:SupportedPTZSpaces>' + "".join(spaces[move] for move in self.moves) +
+                "</tt:SupportedPTZSpaces></tptz:PTZNode></tptz:GetNodesResponse>")
 
     def unit(self):
         return 1.0 if self.space == DEGREES else self.PER_UNIT
@@ -75,13 +101,37 @@ class OnvifCamera(MovingHead):
                          f"<tt:PTZ><tt:XAddr>{address}ptz</tt:XAddr></tt:PTZ></tds:Capabilities></tds:GetCapabilitiesResponse>")
         if name == "GetProfiles":
             return 200, ('<trt:GetProfilesResponse><trt:Profiles token="still"><tt:Name>a</tt:Name></trt:Profiles>'
-                         '<trt:Profiles token="turns_1"><tt:PTZConfiguration token="p"/></trt:Profiles></trt:GetProfilesResponse>')
+                         '<trt:Profiles token="turns_1"><tt:PTZConfiguration token="p"><tt:NodeToken>n2</tt:NodeToken></tt:PTZConfiguration></trt:Profiles></trt:GetProfilesResponse>')
+        self.requests[name] += 1
+        if name == "GetNodes" and self.tells:
+            return 200, self.nodes()
         token = next((node.text for node in request.iter() if node.tag.endswith("}ProfileToken")), "")
         if token != "turns_1":
             return 400, FAULT.format("no such profile")
         if name == "GetStatus":
             return 200, self.status()
-        if name == "AbsoluteMove" and self.mode != "stuck":
+        if name in [move + "Move" for move in self.moves] + ["Stop"] and self.mode != "stuck":
+            return self.order(name, request)
+        return 500, FAULT.format(f"{name} is not possible")
+
+    def order(self, name, request):
+        now = time.monotonic()
+        values = [[float(node.get(key)) for key in "xy"] for node in request.iter() if node.tag.endswith("}PanTilt") and node.get("x")]
+        if name == "Stop":
+            self.timeout = None
+            self.coming.append((now + self.LATENCY_S, self.halt, list(self.speed)))
+        elif name == "ContinuousMove":
+            assert max(abs(share) for share in values[0]) <= 1, values
+            assert next(node.text for node in request.iter() if node.tag.endswith("}Timeout")) == "PT1S"
+            self.orders += 1
+            self.timeout = now + 1 + self.LATENCY_S
+            self.velocity(values[0])
+        elif name == "RelativeMove":
+            self.orders += 1
+            way = [value * self.unit() for value in values[0]]
+            self.coming.append((now + self.LATENCY_S, lambda: [angle + more for angle, more in zip(self.angles, way)],
+                                [share * self.FASTEST for share in values[1]]))
+        else:
             place, speed = [node for node in request.iter() if node.tag.endswith("}PanTilt")]
             if place.get("space") != self.space:
                 return 400, FAULT.format("no such space")
@@ -92,8 +142,7 @@ class OnvifCamera(MovingHead):
                 goal = [2 * angle - there for angle, there in zip(self.angles, goal)]
             rates = [float(speed.get(key)) * self.FASTEST for key in "xy"]
             self.coming.append((time.monotonic() + self.LATENCY_S, goal, rates))
-            return 200, "<tptz:AbsoluteMoveResponse/>"
-        return 500, FAULT.format(f"{name} is not possible")
+        return 200, f"<tptz:{name}Response/>"
 
     def close(self):
         self.server.shutdown()

@@ -16,6 +16,7 @@ from api_test import Client  # noqa: E402
 from heads import FreedSender, JpegCamera, ViscaCamera  # noqa: E402
 from onvif_camera import DEGREES, GENERIC, OnvifCamera  # noqa: E402
 from opentrackio_sender import OpenTrackIoSender  # noqa: E402
+from visca_line import ViscaLine  # noqa: E402
 
 TURNING = os.path.join(ROOT, "recordings", "turning")
 
@@ -75,14 +76,99 @@ class Turning(DaemonCase):
                              ("cut", True, "silent")])
         self.assertEqual(len(camera.asked), 2)
 
+    def line(self, heads=1):
+        line = ViscaLine(self.path("tty"), heads)
+        self.addCleanup(line.close)
+        return line
+
+    def test_visca_over_a_serial_line(self):
+        line = self.line()
+        self.daemon = self.start(installation(f"visca:{line.link}", "http://127.0.0.1:9/video",
+                                              "axes_counts_per_degree = 14.4\naxes_baud = 38400\n"))
+        self.faults(line, [("silent", "some", "silent"), ("garbage", "some", "silent"), ("halves", "some", "silent")])
+
+    def test_a_serial_line_on_which_nobody_answers(self):
+        line = self.line()
+        line.mode = "silent"
+        self.daemon = self.start(installation(f"visca:{line.link}#2", "http://127.0.0.1:9/video", "axes_counts_per_degree = 14.4\n"))
+        wait_until(lambda: f"camera 2 on the serial line {line.link} does not answer" in self.daemon.log_text(), "the fault is named")
+        self.assertEqual(self.count("readings"), 0)
+        self.assertEqual(self.daemon.stop(), 0, self.daemon.log_text())
+
+    def test_a_serial_line_that_is_unplugged(self):
+        line = self.line()
+        self.daemon = self.start(installation(f"visca:{line.link}", "http://127.0.0.1:9/video", "axes_counts_per_degree = 14.4\n"))
+        self.known(1)
+        line.unplug()
+        self.known(0)
+        wait_until(lambda: f"cannot open the serial line {line.link}" in self.daemon.log_text(), "the fault is named")
+        line.plug()
+        self.known(1)
+        self.grows("readings")
+        addressed = line.addressed
+        line.restart(0)
+        wait_until(lambda: line.addressed > addressed, "addresses are given anew")
+        self.known(1)
+        self.grows("readings")
+        self.assertEqual(self.daemon.stop(), 0, self.daemon.log_text())
+
+    def test_two_heads_on_one_serial_line(self):
+        line = self.line(3)
+        calibration = read_text(os.path.join(TURNING, "calibration.toml"))
+        turning = next(part for part in ("[[camera]]" + text for text in calibration.split("[[camera]]")[1:]) if '"head"' in part)
+        path = self.write("two.toml", calibration + turning.replace('"head"', '"other"'))
+        extra = 'axes_counts_per_degree = 14.4\naxes_baud = 38400\nrole = "follow"\n[camera.follow]\nfastest_deg_s = 120\n'
+        text = installation(f"visca:{line.link}#1", "http://127.0.0.1:9/video", extra).replace(f"{TURNING}/calibration.toml", path)
+        second = f'[[camera]]\nname = "other"\nsource = "http://127.0.0.1:9/video"\naxes = "visca:{line.link}#3"\n{extra}'
+        self.daemon = self.start(text.replace("[[object]]", second + "[[object]]"))
+        for name in ("head", "other"):
+            wait_until(lambda name=name: self.daemon.metric("sightline_axes_known", camera=name) == 1, f"{name} is known")
+        client = Client(self.daemon.http)
+        for name, pan, tilt in (("head", 35, -12), ("other", -20, 15)):
+            status, _ = client.post(f"/api/v1/cameras/{name}/turn", {"pan_deg": pan, "tilt_deg": tilt, "seconds": 60})
+            self.assertEqual(status, 202)
+        wait_until(lambda: math.dist(line.heads[0].angles, (35, -12)) < 0.3, "the first is there")
+        wait_until(lambda: math.dist(line.heads[2].angles, (-20, 15)) < 0.3, "the third is there")
+        self.assertEqual(line.heads[1].orders, 0)
+        self.assertEqual(line.addressed, 1)
+        self.assertEqual(set().union(*(head.unknown for head in line.heads)), set())
+        self.assertEqual(self.daemon.metric("sightline_follow_refused_total", camera="head"), 0)
+        line.heads[0].mode = "stuck"
+        client.post("/api/v1/cameras/head/turn", {"pan_deg": 0, "tilt_deg": 0, "seconds": 60})
+        wait_until(lambda: self.daemon.metric("sightline_follow_refused_total", camera="head") > 0, "it refuses")
+        self.assertEqual(self.daemon.stop(), 0, self.daemon.log_text())
+
     def test_opentrackio(self):
         port = fixed_port()
         self.daemon = self.start(installation(f"opentrackio:127.0.0.1:{port}/3", "http://127.0.0.1:9/video"))
         sender = OpenTrackIoSender(port)
         self.addCleanup(sender.close)
         self.faults(sender, [("silent", False, "silent"), ("checksum", True, "silent"), ("source", True, "silent"),
-                             ("cbor", True, "silent"), ("torn", True, "silent"), ("swapped", True, "silent"),
+                             ("cbor", True, "silent"), ("other", True, "silent"), ("torn", True, "silent"), ("swapped", True, "silent"),
                              ("text", True, "silent"), ("frozen", True, "silent"), ("jumps", False, "unsettled")])
+
+    def test_opentrackio_as_cbor_to_a_group(self):
+        port = fixed_port()
+        self.daemon = self.start(installation(f"opentrackio:239.135.1.3%lo:{port}/3", "http://127.0.0.1:9/video"))
+        beside = OpenTrackIoSender(port, encoding=2)  # to the same port, and not to the group
+        self.addCleanup(beside.close)
+        wait_until(lambda: "239.135.1.3 has said nothing" in self.daemon.log_text(), "a group without a sender is named")
+        self.assertEqual(self.count("readings"), 0)
+        sender = OpenTrackIoSender(port, "239.135.1.3", 2)
+        self.addCleanup(sender.close)
+        self.faults(sender, [("silent", False, "silent"), ("damaged", True, "silent"), ("deep", True, "silent"), ("mixed", True, "silent")])
+
+    def test_freed_to_a_group(self):
+        port = fixed_port()
+        self.daemon = self.start(installation(f"freed:239.135.1.4%lo:{port}", "http://127.0.0.1:9/video"))
+        sender = FreedSender(port, "239.135.1.4")
+        self.addCleanup(sender.close)
+        self.known(1)
+        self.grows("readings")
+        self.assertEqual(self.daemon.stop(), 0, self.daemon.log_text())
+        self.daemon = self.start(installation(f"freed:239.135.1.4%none0:{port}", "http://127.0.0.1:9/video"))
+        wait_until(lambda: "there is no network interface none0" in self.daemon.log_text(), "the fault is named")
+        self.assertEqual(self.daemon.stop(), 0, self.daemon.log_text())
 
     def test_opentrackio_without_a_header(self):
         port = fixed_port()
@@ -120,6 +206,32 @@ class Turning(DaemonCase):
             self.assertEqual((head["mode"], head["angles"]), ("held", "known"))
             self.assertAlmostEqual(head["pan_deg"], 35, delta=0.5)
             self.assertEqual(self.daemon.stop(), 0, self.daemon.log_text())
+
+    def test_onvif_cameras_that_take_no_places(self):
+        # What it can do, whether it says so, and what it is told.
+        for moves, tells, expected in ((("Continuous", "Relative"), True, "ContinuousMove"), (("Relative",), True, "RelativeMove"),
+                                       (("Continuous",), False, "ContinuousMove")):
+            camera = OnvifCamera(GENERIC, moves, tells)
+            self.addCleanup(camera.close)
+            self.daemon = self.start(self.onvif(camera, f'role = "follow"\n[camera.follow]\nfastest_deg_s = {camera.FASTEST}\n'
+                                                        "latency = 0.15\n"))
+            self.known(1)
+            client = Client(self.daemon.http)
+            for place in ((35, -12), (-20, 10)):
+                status, _ = client.post("/api/v1/cameras/head/turn", {"pan_deg": place[0], "tilt_deg": place[1], "seconds": 60})
+                self.assertEqual(status, 202)
+                wait_until(lambda place=place: math.dist(camera.angles, place) < 1, f"it is there by {expected}")
+                wait_until(lambda place=place: max(map(abs, camera.rates)) < 0.01 and math.dist(camera.angles, place) < 1, "it stands")
+            self.assertGreater(camera.requests[expected], 5)
+            self.assertEqual(camera.requests["AbsoluteMove"], 0 if tells else 3)
+            self.assertEqual(camera.requests["Stop"] > 0, expected == "ContinuousMove")
+            if not tells:
+                self.assertIn("its head takes no places", self.daemon.log_text())
+            client.post("/api/v1/cameras/head/turn", {"pan_deg": 150, "tilt_deg": 0, "seconds": 60})
+            wait_until(lambda: camera.rates[0] > 10, "it turns")
+            self.assertEqual(self.daemon.stop(), 0, self.daemon.log_text())
+            wait_until(lambda: max(map(abs, camera.rates)) < 0.01, "it stops with the daemon")
+            self.assertLess(camera.angles[0], 150)
 
     def test_an_onvif_camera_that_wants_another_password(self):
         camera = OnvifCamera()
@@ -190,11 +302,18 @@ class Turning(DaemonCase):
                                    ("onvif:head.example", "http://127.0.0.1:9/v", "tells no angles"),
                                    ("opentrackio:1/x", "http://127.0.0.1:9/v", "tells no angles"),
                                    ("visca:", "http://127.0.0.1:9/v", "tells no angles"),
+                                   ("visca:/dev/ttyUSB0#8", "http://127.0.0.1:9/v", "tells no angles"),
+                                   ("v4l2", "http://127.0.0.1:9/v", "the images do not come from V4L2"),
                                    ("freed:70000", "http://127.0.0.1:9/v", "tells no angles"),
                                    ("freed:4000", f"replay:{TURNING}", "brings its own angles")]:
             config = self.write("wrong.toml", installation(axes, source))
             _, errors = sightline("check", config, status=2)
             self.assertRegex(errors, rf"wrong\.toml:\d+:\d+.*{word}")
+        odd = installation("visca:/dev/ttyUSB0", "http://127.0.0.1:9/v", "axes_baud = 9000\n")
+        _, errors = sightline("check", self.write("odd.toml", odd), status=2)
+        self.assertRegex(errors, r"odd\.toml:\d+:\d+.*axes_baud.*9600")
+        for good in (odd.replace("9000", "38400"), installation("v4l2", "v4l2:/dev/video7")):
+            sightline("check", self.write("good.toml", good))
         config = self.write("none.toml", installation("freed:4000", "http://127.0.0.1:9/v").replace('axes = "freed:4000"\n', ""))
         _, errors = sightline("check", config, status=2)
         self.assertIn("'axes' must say who tells its angles", errors)

@@ -22,34 +22,54 @@ enum class AxisProtocol : uint8_t {
   kNone,
   kFreed,        ///< FreeD D1 packets, sent to us over UDP
   kVisca,        ///< VISCA over IP: we ask
-  kOpenTrackIo,  ///< OpenTrackIO samples as JSON, sent to us over UDP
+  kViscaSerial,  ///< VISCA over a serial line: we ask
+  kOpenTrackIo,  ///< OpenTrackIO samples as JSON or CBOR, sent to us over UDP
   kOnvif,        ///< ONVIF PTZ over HTTP: we ask
+  kV4l2,         ///< controls of a camera of the kernel (pan_absolute, ...): we ask
 };
 
 /// Whether its heads can be told to turn.
 constexpr bool can_turn(AxisProtocol protocol) {
-  return protocol == AxisProtocol::kVisca || protocol == AxisProtocol::kOnvif;
+  return protocol == AxisProtocol::kVisca || protocol == AxisProtocol::kViscaSerial ||
+         protocol == AxisProtocol::kOnvif || protocol == AxisProtocol::kV4l2;
 }
+
+/// How a head is told to turn, where it knows several ways (ONVIF, V4L2).
+enum class HeadOrders : uint8_t {
+  kAny,         ///< the first of those below that it has
+  kAbsolute,    ///< go to a place
+  kContinuous,  ///< turn at a rate until told otherwise
+  kRelative,    ///< go by so much (ONVIF)
+};
 
 struct AxisSourceOptions {
   AxisProtocol protocol = AxisProtocol::kNone;
   /// FreeD, OpenTrackIO: own address to listen at, empty: any; VISCA, ONVIF: the camera's.
   std::string host;
   uint16_t port = 0;
-  int device = -1;                      ///< FreeD, OpenTrackIO: camera that counts; -1: any
-  std::string profile;                  ///< ONVIF: token of the media profile; empty: the first
-  std::string user;                     ///< ONVIF; empty: without authentication
+  std::string interface;  ///< of a multicast group to join; empty: as the kernel routes it
+  /// V4L2: which camera, as V4l2Options::device has it, empty: the camera's own; VISCA: the tty.
+  std::string line;
+  int device = -1;      ///< FreeD, OpenTrackIO: camera that counts; -1: any; serial VISCA: 1 .. 7
+  int baud = 9600;      ///< of a serial line, 8N1
+  std::string profile;  ///< ONVIF: token of the media profile; empty: the first
+  std::string user;     ///< ONVIF; empty: without authentication
   std::filesystem::path password_file;  ///< its first line is the password; needed with `user` only
   double degrees_per_unit = 180;        ///< ONVIF: what its positions of -1 to 1 stand for
-  double counts_per_degree = 10;        ///< VISCA: what its positions count
-  double fastest = 1.75;                ///< of a head that can be turned, at its fastest [rad/s]
+  double counts_per_degree = 10;        ///< VISCA, V4L2 (3600): what its positions count
+  HeadOrders orders = HeadOrders::kAny;
+  double fastest = 1.75;  ///< of a head that can be turned, at its fastest [rad/s]
 
   bool operator==(const AxisSourceOptions&) const = default;
 };
 
-/// "freed:PORT", "freed:ADDRESS:PORT", either with "/ID" behind; "visca:ADDRESS[:PORT]". Addresses
-/// are numbers. `where` goes into errors.
+/// "freed:PORT", "freed:ADDRESS:PORT", either with "/ID" behind; "visca:ADDRESS[:PORT]",
+/// "visca:/dev/TTY[#CAMERA]", "v4l2[:DEVICE]" and others (docs/turning.md). Addresses are numbers.
+/// `where` goes into errors.
 Result<AxisSourceOptions> parse_axis_source(std::string_view text, const std::string& where);
+
+/// Whether serial lines can be set to so many bits per second.
+bool is_baud_rate(int baud);
 
 /// A head's angles as they come in. One thread at a time.
 class AxisSource {

@@ -11,6 +11,7 @@
 #include "sightline/geometry/axis_history.hpp"
 #include "sightline/geometry/camera_model.hpp"
 #include "sightline/model/pose_track.hpp"
+#include "sightline/pipeline/turning/follow_sharing.hpp"
 
 namespace sightline {
 
@@ -24,6 +25,7 @@ enum class FollowMode : uint8_t {
   kBlind,      ///< its angles are not known: nothing is ordered
   kFollowing,  ///< an object is kept in the middle
   kWaiting,    ///< no object has a pose: it stands still
+  kScanning,   ///< for so long that it looks around, from where it was last known
   kHome,       ///< for so long that it goes home, or is there
   kHeld,       ///< somebody ordered over HTTP where it is to stand
   kYielding,   ///< somebody else moves it, or it does not do as it is told
@@ -40,9 +42,16 @@ struct FollowStatus {
   Time until{};                            ///< end of kHeld and kYielding
 };
 
+/// A head among those that share objects.
+struct SharedHead {
+  FollowSharing& sharing;
+  int number = 0;  ///< its own
+};
+
 /// Decides where a head that stands under a camera is to turn. It aims at where the object will be
 /// once the head obeys, gives way to whoever else moves the head, waits where it lost the object,
-/// and goes home after a while. Passive; one thread at a time. Knows nothing of how heads are told.
+/// looks around for it if it is to, and goes home after a while. Passive; one thread at a time.
+/// Knows nothing of how heads are told.
 class Follower {
  public:
   Follower(const FollowConfig& config, const CalibratedCamera& camera);
@@ -54,21 +63,36 @@ class Follower {
   void release();
 
   /// To be called some 20 times a second with the newest track of every object (by ObjectId; may be
-  /// null) and the objects to follow, the most important first. Empty: nothing is to be ordered.
+  /// null) and the objects to follow, the most important first. `shared`: with other heads, else
+  /// the first that has a pose is followed. Empty: nothing is to be ordered.
   std::optional<HeadOrder> step(Time now, const AxisHistory& history,
                                 std::span<const PoseTrackPtr> tracks,
-                                std::span<const FollowTarget> targets);
+                                std::span<const FollowTarget> targets,
+                                const std::optional<SharedHead>& shared = {});
   const FollowStatus& status() const { return status_; }
 
  private:
   struct Goal {
     HeadAngles angles = HeadAngles::Zero(), rates = HeadAngles::Zero();
   };
-  std::optional<Goal> see(Time now, std::span<const PoseTrackPtr> tracks,
-                          std::span<const FollowTarget> targets);
+  struct Seen {
+    Time stamp;
+    HeadAngles angles;
+  };
+  /// What is asked of one step.
+  struct Scene {
+    std::span<const PoseTrackPtr> tracks;
+    std::span<const FollowTarget> targets;
+    const std::optional<SharedHead>& shared;
+  };
+  std::optional<Goal> see(Time now, const Scene& scene);
+  std::optional<ObjectId> choose(Time now, const Scene& scene,
+                                 std::span<const std::optional<Goal>> goals) const;
+  Goal smoothed(Time now, ObjectId object, Goal goal);
   std::optional<Goal> aim(Time when, const PoseTrack& track, const FollowTarget& target);
-  Goal decide(Time now, std::span<const PoseTrackPtr> tracks,
-              std::span<const FollowTarget> targets);
+  Goal decide(Time now, const Scene& scene);
+  std::optional<Goal> scan(Time now);
+  void forget();
   bool disturbed(Time now);
   HeadAngles stopping_place(Time now) const;
   std::optional<HeadOrder> drive(Time now, const Goal& goal);
@@ -80,17 +104,17 @@ class Follower {
   AxisDrive pan_, tilt_;
   FollowStatus status_;
 
-  struct Seen {
-    Time stamp;
-    HeadAngles angles;
-  };
   std::deque<Seen> seen_;  ///< growing stamps
   Goal last_goal_;         ///< rates smoothed
   Time goal_time_{};       ///< of an object; zero: none yet
   Time lost_{};            ///< since when nothing is followed
   Time disturbed_{};       ///< since when it goes where nobody here ordered it; zero: it does not
   Time quiet_{};           ///< until when its moves say nothing of others: it has just been found
-  std::optional<HeadAngles> held_;  ///< where it stands while held or waiting
+  std::optional<HeadAngles> held_;   ///< where it stands while held or waiting
+  HeadAngles view_;                  ///< of its picture
+  bool scan_due_ = false;            ///< it has followed, and not looked around since
+  std::vector<HeadAngles> scan_;     ///< where it looks around; the next place last
+  Time scan_there_{}, scan_next_{};  ///< it is at the place since; it goes on by then at the latest
   HeadOrder sent_;
   bool resting_ = false;  ///< the last order was to stand where it stands
 };
