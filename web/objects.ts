@@ -15,6 +15,7 @@ const REASONS: Record<string, string> = {
   ambiguous: "it looks alike in other poses", weak_position: "its position is weak in one direction",
   weak_rotation: "its turn about one axis is weak", one_camera: "one camera alone sees it",
   contradicted: "cameras contradict it", unexplained: "the pictures show more of it, or less",
+  possible_swap: "it may be another one that looks alike",
 };
 
 const LATELY_MS = 500;

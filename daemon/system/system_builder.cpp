@@ -132,7 +132,7 @@ Result<SystemDraft> SystemBuilder::prepare(Installation next, std::stop_token st
         apart ? std::make_shared<TrackBoard>(system.rig->objects.size()) : system.board;
     SL_ASSIGN(system.fusion,
               FusionWorker::start(now.estimator, system.rig->names(), system.rig->shape_symmetry(),
-                                  own || apart ? system.own_board : nullptr,
+                                  system.rig->alike(), own || apart ? system.own_board : nullptr,
                                   own ? make_calibration_watch(now, *system.rig) : nullptr,
                                   context_.registry, context_.beats,
                                   on_estimate(context_, now, *system.rig)));

@@ -20,11 +20,12 @@ constexpr size_t kMostLooks = 1024;  // one a second and camera
 
 Result<std::unique_ptr<FusionWorker>> FusionWorker::start(
     const EstimatorOptions& options, const std::vector<NamedObject>& objects,
-    const std::vector<ShapeSymmetry>& shape_symmetry, std::shared_ptr<TrackBoard> board,
-    std::unique_ptr<CalibrationWatch> watch, Registry& registry, HeartbeatBoard& beats,
-    OnEstimate on_estimate) {
+    const std::vector<ShapeSymmetry>& shape_symmetry, const std::vector<AlikeObject>& alike,
+    std::shared_ptr<TrackBoard> board, std::unique_ptr<CalibrationWatch> watch, Registry& registry,
+    HeartbeatBoard& beats, OnEstimate on_estimate) {
   SL_ASSIGN(auto fusion, ObjectFusion::create(options, objects, shape_symmetry, std::move(board),
                                               std::move(watch)));
+  fusion->watch_swaps(alike);
   std::unique_ptr<FusionWorker> worker(
       new FusionWorker(std::move(fusion), objects, registry, std::move(on_estimate)));
   worker->thread_ = start_watched_thread(
@@ -55,7 +56,7 @@ FusionWorker::FusionWorker(std::unique_ptr<ObjectFusion> fusion,
          &registry.gauge("sightline_object_residual_sigmas",
                          "Root mean square of the newest accepted residuals", labels),
          {}});
-    for (int bit = 0; 1 << bit <= kUnexplained; ++bit) {
+    for (int bit = 0; 1 << bit <= kPossibleSwap; ++bit) {
       const Labels reason{{"object", object.name},
                           {"reason", to_string(static_cast<DegradedReasons>(1 << bit), "")}};
       counters_.back().degraded_reasons.push_back(

@@ -29,9 +29,9 @@ class FusionWorker {
   /// every change of state, on the fusion thread; it must not block.
   static Result<std::unique_ptr<FusionWorker>> start(
       const EstimatorOptions& options, const std::vector<NamedObject>& objects,
-      const std::vector<ShapeSymmetry>& shape_symmetry, std::shared_ptr<TrackBoard> board,
-      std::unique_ptr<CalibrationWatch> watch, Registry& registry, HeartbeatBoard& beats,
-      OnEstimate on_estimate);
+      const std::vector<ShapeSymmetry>& shape_symmetry, const std::vector<AlikeObject>& alike,
+      std::shared_ptr<TrackBoard> board, std::unique_ptr<CalibrationWatch> watch,
+      Registry& registry, HeartbeatBoard& beats, OnEstimate on_estimate);
   ~FusionWorker() { stop(); }
 
   /// Takes one frame's observation; from any thread, never waits. `latency` (may be null) gets its

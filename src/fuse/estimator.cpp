@@ -200,6 +200,8 @@ bool ObjectEstimator::adopt(const PoseTrack& track) {
 
 void ObjectEstimator::set_doubted(bool doubted) { impl_->bank.set_doubted(doubted); }
 
+void ObjectEstimator::set_possible_swap(bool possible) { impl_->bank.set_possible_swap(possible); }
+
 PoseTrackPtr ObjectEstimator::track() const {
   if (!impl_->track) impl_->track = impl_->build_track();
   return impl_->track;

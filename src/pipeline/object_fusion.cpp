@@ -38,6 +38,7 @@ std::span<const UpdateReport> ObjectFusion::process(std::span<const Observation>
     reports_.push_back(estimators_[i].process(set));  // it takes what is of its object
     if (!reports_.back().dropped) publish(i);
   }
+  look_for_swaps();
   if (watch_) {
     for (const Observation& observation : set) {
       if (turns(observation)) continue;
@@ -45,6 +46,14 @@ std::span<const UpdateReport> ObjectFusion::process(std::span<const Observation>
     }
   }
   return reports_;
+}
+
+void ObjectFusion::look_for_swaps() {
+  if (!swaps_) return;
+  swaps_->update(tracks_);
+  for (size_t i = 0; i < estimators_.size(); ++i) {
+    estimators_[i].set_possible_swap(swaps_->suspected(ObjectId(static_cast<uint32_t>(i))));
+  }
 }
 
 bool ObjectFusion::turns(const Observation& observation) const {
@@ -102,6 +111,7 @@ void ObjectFusion::forget(ObjectId object) {
   auto estimator = ObjectEstimator::create(options_, object, shape_symmetry_.at(index));
   SL_CHECK(estimator.has_value(), "options that were good once");
   estimators_[index] = *std::move(estimator);
+  if (swaps_) swaps_->forget(object);
   publish(index);
 }
 

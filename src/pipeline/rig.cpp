@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "pipeline/rig_object.hpp"
+#include "sightline/observe/features/feature_model.hpp"
 #include "sightline/record/still_image.hpp"
 
 namespace sightline {
@@ -157,6 +158,25 @@ std::vector<NamedObject> Rig::names() const {
 std::vector<ShapeSymmetry> Rig::shape_symmetry() const {
   std::vector<ShapeSymmetry> out;
   for (const RigObject& object : objects) out.push_back(object.shape_symmetry);
+  return out;
+}
+
+std::vector<AlikeObject> Rig::alike() const {
+  std::vector<AlikeObject> out(objects.size());
+  const auto same = [&](const RigObject& a, const RigObject& b) {
+    return !has_markers(a.description) && !has_markers(b.description) &&
+           mesh_content(*a.triangles) == mesh_content(*b.triangles);
+  };
+  for (size_t i = 0; i < objects.size(); ++i) {
+    const RenderMesh& mesh = *objects[i].mesh;
+    out[i].center = mesh.center.cast<double>();
+    out[i].radius = double{mesh.radius};
+    out[i].thickness = double{(mesh.max_corner - mesh.min_corner).minCoeff()};
+    for (size_t k = 0; k < i && out[i].kind < 0; ++k) {
+      if (!same(objects[k], objects[i])) continue;
+      out[i].kind = out[k].kind = static_cast<int>(k);
+    }
+  }
   return out;
 }
 

@@ -26,6 +26,7 @@ Result<std::unique_ptr<TrackingChain>> TrackingChain::create(const Installation&
   SL_ASSIGN(chain->fusion_,
             ObjectFusion::create(installation.estimator, chain->objects_, rig.shape_symmetry(),
                                  nullptr, make_calibration_watch(installation, rig)));
+  chain->fusion_->watch_swaps(rig.alike());
   chain->search_ = std::move(search);
   if (chain->search_ && !timing.instant) {
     chain->timed_ = std::make_unique<TimedSearch>(*chain->search_, installation.cameras.size(),

@@ -27,7 +27,7 @@ class ObjectHint : public testing::Test {
     system_.rig = std::make_shared<const Rig>(load_rig(system_.installation, options).value());
     system_.board = std::make_shared<TrackBoard>(1);
     system_.fusion = FusionWorker::start(system_.installation.estimator, system_.rig->names(), {},
-                                         system_.board, nullptr, registry_, beats_, {})
+                                         {}, system_.board, nullptr, registry_, beats_, {})
                          .value();
     system_.search = SearchWorker::start(
         ObjectSearch::create(system_.installation, *system_.rig).value(), 3, system_.board,

@@ -125,6 +125,10 @@ class ObjectEstimator {
   /// until it is said no more, the object is not `tracking`. Counts for sets processed from now on.
   void set_doubted(bool doubted);
 
+  /// Whether this may be another object that looks alike: `degraded` (kPossibleSwap) until it is
+  /// said no more. Counts for sets processed from now on.
+  void set_possible_swap(bool possible);
+
   /// Snapshot with about `history` of estimates; never null. Cheap if nothing changed since.
   PoseTrackPtr track() const;
   /// State now: of the newest set, or of advance().

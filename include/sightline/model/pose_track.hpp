@@ -38,7 +38,8 @@ enum DegradedReason : DegradedReasons {
   kWeakRotation = 16,  ///< or about an axis
   kOneCamera = 32,     ///< one camera alone sees it, and that counts as weak
   kContradicted = 64,  ///< by the cameras of this set, as many others as hold it, or a check
-  kUnexplained = 128   ///< the images show more of the object than the pose, or less
+  kUnexplained = 128,  ///< the images show more of the object than the pose, or less
+  kPossibleSwap = 256  ///< another object that looks alike was near: it may be that one
 };
 /// "ambiguous", "weak_position", ... in a fixed order, `separator` between them; "" for none.
 std::string to_string(DegradedReasons degraded_reasons, std::string_view separator);

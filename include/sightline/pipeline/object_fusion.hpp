@@ -2,11 +2,13 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "sightline/calibrate/calibration_watch.hpp"
 #include "sightline/fuse/estimator.hpp"
+#include "sightline/fuse/swap_watch.hpp"
 #include "sightline/model/stream_types.hpp"
 #include "sightline/pipeline/track_board.hpp"
 
@@ -23,6 +25,9 @@ class ObjectFusion {
       const EstimatorOptions& options, std::span<const NamedObject> objects,
       std::span<const ShapeSymmetry> shape_symmetry, std::shared_ptr<TrackBoard> board = nullptr,
       std::unique_ptr<CalibrationWatch> watch = nullptr);
+
+  /// From now on objects of one kind that may have been swapped are `degraded`. By ObjectId.
+  void watch_swaps(const std::vector<AlikeObject>& objects) { swaps_.emplace(objects); }
 
   /// Takes observations that share one capture time, of any cameras and objects: one joint update
   /// of each object that is among them, and a report of each, in order of ObjectId. Valid until the
@@ -54,6 +59,7 @@ class ObjectFusion {
  private:
   ObjectFusion() = default;
   void publish(size_t object);
+  void look_for_swaps();
   /// A camera that turns is not watched: what is not known of its place comes with its frames.
   bool turns(const Observation& observation) const;
   std::span<const Observation> with_calibration_covariance(std::span<const Observation> set);
@@ -64,6 +70,7 @@ class ObjectFusion {
   std::vector<PoseTrackPtr> tracks_;           // by ObjectId
   std::shared_ptr<TrackBoard> board_;          // null: nobody reads
   std::unique_ptr<CalibrationWatch> watch_;    // null: nobody watches
+  std::optional<SwapWatch> swaps_;
   bool verdict_ = false;
   std::vector<Observation> widened_;  // scratch
   std::vector<UpdateReport> reports_;

@@ -8,6 +8,7 @@
 
 #include "sightline/base/result.hpp"
 #include "sightline/config/installation.hpp"
+#include "sightline/fuse/swap_watch.hpp"
 #include "sightline/geometry/mesh.hpp"
 #include "sightline/model/pose_track.hpp"
 #include "sightline/observe/features/feature_model.hpp"
@@ -33,8 +34,9 @@ struct RigObject {
   /// The colors of its mesh, if it is searched for or has a symmetry; null: not needed, or one
   /// color only.
   SurfaceSamples samples;
-  bool printed = false;                       ///< they are those of a print: the mesh has textures
-  std::shared_ptr<const RenderMesh> painted;  ///< then, the mesh with them
+  bool printed = false;  ///< they are those of a print: the mesh has textures
+  /// The mesh with its colors, if it is printed, or if other poses have its shape.
+  std::shared_ptr<const RenderMesh> painted;
   /// Trained by images, or else by the mesh's own textures; null: none.
   std::shared_ptr<const FeatureModel> features;
 };
@@ -48,6 +50,8 @@ struct Rig {
 
   std::vector<NamedObject> names() const;
   std::vector<ShapeSymmetry> shape_symmetry() const;  ///< by ObjectId
+  /// By ObjectId. Of one kind are those with the same mesh and without markers.
+  std::vector<AlikeObject> alike() const;
 };
 
 /// A rig and what it was loaded from.

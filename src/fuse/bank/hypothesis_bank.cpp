@@ -108,7 +108,9 @@ void HypothesisBank::step(const BankState& before, Time time,
   after.started &= !refuted_now;  // it was known
   record_pictures(time, observations, best, after);
   record_outline_only(observations, best, after);
-  publish(time, contradicted || doubted_, options_, symmetric_, after);
+  const int outside =
+      (contradicted || doubted_ ? kContradicted : 0) | (possible_swap_ ? kPossibleSwap : 0);
+  publish(time, static_cast<DegradedReasons>(outside), options_, symmetric_, after);
 }
 
 void HypothesisBank::update(const MeasurementSet& set, BankState& state,

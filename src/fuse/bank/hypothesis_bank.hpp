@@ -33,6 +33,8 @@ class HypothesisBank {
             BankState& after);
   /// Of the sets from now on: whether something outside speaks against the pose in force.
   void set_doubted(bool doubted) { doubted_ = doubted; }
+  /// The same: whether it may be another object that looks alike.
+  void set_possible_swap(bool possible) { possible_swap_ = possible; }
 
  private:
   bool refuted(Time time, std::span<const Observation> observations, const BankState& state) const;
@@ -43,7 +45,7 @@ class HypothesisBank {
   const SymmetricHypotheses symmetric_;
   HypothesisUpdate hypothesis_update_;
   TrackInitiation track_initiation_;
-  bool doubted_ = false;
+  bool doubted_ = false, possible_swap_ = false;
   MeasurementSet set_;             // scratch of one step
   std::vector<Outcome> outcomes_;  // scratch of one step
 };

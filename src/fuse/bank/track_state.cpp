@@ -25,7 +25,8 @@ double largest_sigma(const Eigen::Matrix3d& covariance) {
 }
 
 // What is against `tracking`, of an object that `holding` cameras see.
-DegradedReasons degraded_reasons_of(int holding, bool contradicted, const EstimatorOptions& options,
+DegradedReasons degraded_reasons_of(int holding, DegradedReasons outside,
+                                    const EstimatorOptions& options,
                                     const SymmetricHypotheses& symmetric, const BankState& state) {
   const Hypothesis& main = state.hypotheses[0];
   const Matrix6 covariance = state.published.own_covariance();
@@ -33,7 +34,7 @@ DegradedReasons degraded_reasons_of(int holding, bool contradicted, const Estima
   const double limit =
       alone ? std::min(options.max_sigma_translation, options.max_sigma_translation_alone)
             : options.max_sigma_translation;
-  DegradedReasons degraded_reasons = 0;
+  DegradedReasons degraded_reasons = outside;
   const auto add = [&](bool holds, DegradedReason reason) {
     if (holds) degraded_reasons = static_cast<DegradedReasons>(degraded_reasons | reason);
   };
@@ -46,7 +47,6 @@ DegradedReasons degraded_reasons_of(int holding, bool contradicted, const Estima
       kWeakRotation);
   add(alone && (options.one_camera_is_degraded || (degraded_reasons & kWeakPosition) != 0),
       kOneCamera);
-  add(contradicted, kContradicted);
   add(state.unexplained || state.absent, kUnexplained);
   return degraded_reasons;
 }
@@ -62,7 +62,7 @@ bool settled(Time time, bool sure, BankState& state) {
   return sure && (!state.outline_only || state.undoubted == kSettle);
 }
 
-void classify(Time time, bool contradicted, const EstimatorOptions& options,
+void classify(Time time, DegradedReasons outside, const EstimatorOptions& options,
               const SymmetricHypotheses& symmetric, BankState& state) {
   PoseEstimate& out = state.published;
   out.degraded_reasons = 0;
@@ -76,12 +76,16 @@ void classify(Time time, bool contradicted, const EstimatorOptions& options,
   if (holding == 0) {
     out.state = TrackState::kCoasting;
     settled(time, false, state);
-    out.degraded_reasons = symmetric.ambiguous(state.hypotheses[0]) ? kAmbiguous : 0;
+    const int reasons =
+        (outside & kPossibleSwap) | (symmetric.ambiguous(state.hypotheses[0]) ? kAmbiguous : 0);
+    out.degraded_reasons = static_cast<DegradedReasons>(reasons);
     return;
   }
   // Of as many cameras that say one thing as say another nobody knows which are right.
-  contradicted |= refused_cameras(time, options, state) >= holding;
-  out.degraded_reasons = degraded_reasons_of(holding, contradicted, options, symmetric, state);
+  if (refused_cameras(time, options, state) >= holding) {
+    outside = static_cast<DegradedReasons>(outside | kContradicted);
+  }
+  out.degraded_reasons = degraded_reasons_of(holding, outside, options, symmetric, state);
   const bool sure = settled(time, out.degraded_reasons == 0, state);
   if (!sure && out.degraded_reasons == 0) out.degraded_reasons = kUnconfirmed;
   out.state = sure ? TrackState::kTracking : TrackState::kDegraded;
@@ -122,7 +126,7 @@ void add_spread(const BankState& state, PoseEstimate& estimate) {
 
 }  // namespace
 
-void publish(Time time, bool contradicted, const EstimatorOptions& options,
+void publish(Time time, DegradedReasons outside, const EstimatorOptions& options,
              const SymmetricHypotheses& symmetric, BankState& state) {
   PoseEstimate& out = state.published;
   if (state.count > 0) {
@@ -141,7 +145,7 @@ void publish(Time time, bool contradicted, const EstimatorOptions& options,
     out.cameras = 0;
   }
   out.time = time;
-  classify(time, contradicted, options, symmetric, state);
+  classify(time, outside, options, symmetric, state);
   if (out.state != TrackState::kCoasting) return;
   for (Hypothesis& hypothesis : state.hypotheses) {
     hypothesis.motion = at_least_nominal(hypothesis.motion);

@@ -10,8 +10,9 @@
 namespace sightline::fuse {
 
 /// Fills state.published from the hypotheses. While several remain, the covariance holds their
-/// spread; symmetric poses are in its `alternatives`.
-void publish(Time time, bool contradicted, const EstimatorOptions& options,
+/// spread; symmetric poses are in its `alternatives`. `outside`: what is against `tracking` that
+/// the state does not hold.
+void publish(Time time, DegradedReasons outside, const EstimatorOptions& options,
              const SymmetricHypotheses& symmetric, BankState& state);
 
 /// What becomes of a state by the time `now` if no set comes in: coasting, lost, searching.
