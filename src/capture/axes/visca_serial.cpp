@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// VISCA over a serial line: one question at a time, as fast as the line takes it, some 25 a second
-// at 9600 bits per second.
+// VISCA over a serial line: one question at a time, as fast as the line takes it, at 9600 bits per
+// second some 30 a second.
 #include <algorithm>
 #include <numbers>
 #include <thread>
