@@ -24,13 +24,15 @@ struct AlikeObject {
 /// suspect as long as it lasts. docs/estimator.md. Passive; one thread.
 class SwapWatch {
  public:
-  /// By ObjectId.
+  /// By ObjectId; objects beyond them are like no other.
   explicit SwapWatch(const std::vector<AlikeObject>& objects);
 
   /// Takes the newest estimates (by ObjectId, never null).
   void update(std::span<const PoseTrackPtr> tracks);
   /// The object may be another one of its kind.
-  bool suspected(ObjectId object) const { return suspected_.at(object.index()); }
+  bool suspected(ObjectId object) const {
+    return object.index() < suspected_.size() && suspected_[object.index()];
+  }
   /// Somebody says which object this is: what was suspected of it is no more.
   void forget(ObjectId object);
 
