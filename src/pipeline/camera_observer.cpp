@@ -27,10 +27,6 @@ std::shared_ptr<const RenderMesh> coarse_mesh(const RigObject& object) {
   return out;
 }
 
-bool has_family(const RigObject& object) {
-  return !object.shape_symmetry.rotations.empty() || !object.shape_symmetry.near_rotations.empty();
-}
-
 std::vector<TrackedObject> tracked_objects(const Rig& rig, CameraId camera) {
   std::vector<TrackedObject> objects;
   for (const RigObject& object : rig.objects) {
@@ -43,7 +39,7 @@ std::vector<TrackedObject> tracked_objects(const Rig& rig, CameraId camera) {
                        object.printed ? mesh_print_renderer_factory(object.painted, geometry)
                                       : PrintRendererFactory(),
                        mesh_depth_renderer_factory(coarse_mesh(object)),
-                       has_family(object) && object.painted
+                       object.painted && object.shape_symmetry.has_few_rotations()
                            ? mesh_color_renderer_factory(object.painted, geometry)
                            : ColorRendererFactory()});
   }

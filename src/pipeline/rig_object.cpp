@@ -169,9 +169,7 @@ Result<RigObject> load_object(const Installation& installation, ObjectId id,
   if (needs.searched || !object.shape_symmetry.rotations.empty()) {
     SL_ASSIGN(object.samples, load_samples(reader));
     object.printed = object.samples && description.modalities.texture && reader.has_print();
-    const bool family =
-        !object.shape_symmetry.rotations.empty() || !object.shape_symmetry.near_rotations.empty();
-    if (object.printed || (object.samples && family)) {
+    if (object.printed || (object.samples && object.shape_symmetry.has_few_rotations())) {
       SL_ASSIGN(object.painted, painted_mesh(reader, object.mesh));
     }
   }

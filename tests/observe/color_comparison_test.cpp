@@ -13,23 +13,13 @@
 #include "sightline/pipeline/mesh_color_renderer.hpp"
 #include "sightline/pipeline/mesh_depth_renderer.hpp"
 #include "sightline/render/mesh/mesh_paint.hpp"
+#include "support/lens_camera.hpp"
 
 namespace sightline::observe {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
 const Eigen::Vector3f kShell(0.35f, 0.37f, 0.40f), kOrange(0.9f, 0.42f, 0.08f);
-
-CalibratedCamera camera() {
-  CameraModel::Parameters p;
-  p.width = 640;
-  p.height = 480;
-  p.fx = p.fy = 620;
-  p.cx = 318;
-  p.cy = 243;
-  p.distortion = {-0.12, 0.09, 0.0004, -0.0003, -0.02};
-  return {"test", CameraModel::create(p, "test").value(), {}};
-}
 
 void add_quad(const std::array<Eigen::Vector3f, 4>& corners, const Eigen::Vector3f& color,
               TriangleMesh& mesh, MeshSurface& surface) {
@@ -145,7 +135,7 @@ class Scene {
   }
 
  private:
-  TrackerCamera tracker_{std::make_shared<const CalibratedCamera>(camera()), {}, {}};
+  TrackerCamera tracker_{std::make_shared<const CalibratedCamera>(test::lens_camera()), {}, {}};
   TrackedObject object_;
   Image image_{640, 480};
   std::optional<ColorComparison> comparison_;

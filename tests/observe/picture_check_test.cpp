@@ -7,23 +7,13 @@
 
 #include "sightline/image/image.hpp"
 #include "sightline/pipeline/mesh_depth_renderer.hpp"
+#include "support/lens_camera.hpp"
 #include "support/scene_shapes.hpp"
 
 namespace sightline::observe {
 namespace {
 
 constexpr PixelLevels kObject{120, 90, 170}, kRoom{130, 128, 128}, kHand{150, 110, 150};
-
-CalibratedCamera camera() {
-  CameraModel::Parameters p;
-  p.width = 640;
-  p.height = 480;
-  p.fx = p.fy = 620;
-  p.cx = 318;
-  p.cy = 243;
-  p.distortion = {-0.12, 0.09, 0.0004, -0.0003, -0.02};
-  return {"test", CameraModel::create(p, "test").value(), {}};
-}
 
 // A carton about the origin, its sides multiplied.
 TriangleMesh carton(const Eigen::Vector3f& factors) {
@@ -84,7 +74,7 @@ class Scene {
 
   std::mt19937 random_{7};
   std::normal_distribution<double> noise_{0, 6};
-  TrackerCamera tracker_{std::make_shared<const CalibratedCamera>(camera()), {}, {}};
+  TrackerCamera tracker_{std::make_shared<const CalibratedCamera>(test::lens_camera()), {}, {}};
   TrackedObject object_;
   Image image_{640, 480};
   std::optional<PictureCheck> check_;

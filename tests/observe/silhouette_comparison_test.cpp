@@ -9,24 +9,13 @@
 #include "sightline/image/image.hpp"
 #include "sightline/observe/shape/shape_symmetry.hpp"
 #include "sightline/pipeline/mesh_depth_renderer.hpp"
+#include "support/lens_camera.hpp"
 #include "support/scene_shapes.hpp"
 
 namespace sightline::observe {
 namespace {
 
 constexpr double kDeg = std::numbers::pi / 180;
-
-CalibratedCamera camera() {
-  CameraModel::Parameters p;
-  p.width = 640;
-  p.height = 480;
-  p.fx = p.fy = 620;
-  p.cx = 318;
-  p.cy = 243;
-  p.distortion = {-0.12, 0.09, 0.0004, -0.0003, -0.02};
-  CalibratedCamera out{"test", CameraModel::create(p, "test").value(), {}};
-  return out;
-}
 
 // A cup in front of noise, upright; `turn` 0: its handle points to the right.
 class Cup {
@@ -71,7 +60,7 @@ class Cup {
   size_t turns() const { return object_.shape_symmetry.near_rotations.size(); }
 
  private:
-  TrackerCamera tracker_{std::make_shared<const CalibratedCamera>(camera()), {}, {}};
+  TrackerCamera tracker_{std::make_shared<const CalibratedCamera>(test::lens_camera()), {}, {}};
   TrackedObject object_;
   Image image_{640, 480};
   std::optional<SilhouetteComparison> comparison_;

@@ -35,7 +35,7 @@ struct RigObject {
   /// color only.
   SurfaceSamples samples;
   bool printed = false;  ///< they are those of a print: the mesh has textures
-  /// The mesh with its colors, if it is printed, or if other poses have its shape.
+  /// The mesh with its colors, if it is printed, or if a few other poses have its shape.
   std::shared_ptr<const RenderMesh> painted;
   /// Trained by images, or else by the mesh's own textures; null: none.
   std::shared_ptr<const FeatureModel> features;

@@ -75,6 +75,15 @@ std::string envelope(std::string_view body) {
       body);
 }
 
+std::string move_request(std::string_view request, std::string_view kind, std::string_view profile,
+                         const HeadAngles& to, std::string_view space, const HeadAngles& speed) {
+  return envelope(fmt::format(
+      "<{0} xmlns=\"http://www.onvif.org/ver20/ptz/wsdl\"><ProfileToken>{2}</ProfileToken>"
+      "<{1}><t:PanTilt x=\"{3:.6f}\" y=\"{4:.6f}\" space=\"{5}\"/></{1}>"
+      "<Speed><t:PanTilt x=\"{6:.4f}\" y=\"{7:.4f}\"/></Speed></{0}>",
+      request, kind, escaped(profile), to.x(), to.y(), space, speed.x(), speed.y()));
+}
+
 }  // namespace
 
 std::optional<OnvifStatus> parse_onvif_status(std::string_view xml) {
@@ -178,12 +187,8 @@ std::string format_onvif_get_nodes() {
 
 std::string format_onvif_relative(std::string_view profile, const HeadAngles& way, bool degrees,
                                   const HeadAngles& speed) {
-  return envelope(fmt::format(
-      "<RelativeMove xmlns=\"http://www.onvif.org/ver20/ptz/wsdl\"><ProfileToken>{}</ProfileToken>"
-      "<Translation><t:PanTilt x=\"{:.6f}\" y=\"{:.6f}\" space=\"{}\"/></Translation>"
-      "<Speed><t:PanTilt x=\"{:.4f}\" y=\"{:.4f}\"/></Speed></RelativeMove>",
-      escaped(profile), way.x(), way.y(), degrees ? kWayDegreesSpace : kWayGenericSpace, speed.x(),
-      speed.y()));
+  return move_request("RelativeMove", "Translation", profile, way,
+                      degrees ? kWayDegreesSpace : kWayGenericSpace, speed);
 }
 
 std::string format_onvif_continuous(std::string_view profile, const HeadAngles& velocity) {
@@ -203,12 +208,8 @@ std::string format_onvif_stop(std::string_view profile) {
 
 std::string format_onvif_move(std::string_view profile, const HeadAngles& place, bool degrees,
                               const HeadAngles& speed) {
-  return envelope(fmt::format(
-      "<AbsoluteMove xmlns=\"http://www.onvif.org/ver20/ptz/wsdl\"><ProfileToken>{}</ProfileToken>"
-      "<Position><t:PanTilt x=\"{:.6f}\" y=\"{:.6f}\" space=\"{}\"/></Position>"
-      "<Speed><t:PanTilt x=\"{:.4f}\" y=\"{:.4f}\"/></Speed></AbsoluteMove>",
-      escaped(profile), place.x(), place.y(), degrees ? kDegreesSpace : kGenericSpace, speed.x(),
-      speed.y()));
+  return move_request("AbsoluteMove", "Position", profile, place,
+                      degrees ? kDegreesSpace : kGenericSpace, speed);
 }
 
 }  // namespace sightline::capture

@@ -73,4 +73,14 @@ std::array<uint8_t, 15> format_visca_order(const HeadOrder& order, double count,
 }
 
 }  // namespace capture
+AxisReading capture::visca_reading(const std::pair<int, int>& position, double count, double zoom,
+                                   Time stamp) {
+  AxisReading out;
+  out.stamp = stamp;
+  out.pan = position.first * count;
+  out.tilt = position.second * count;
+  out.zoom = zoom;
+  return out;
+}
+
 }  // namespace sightline

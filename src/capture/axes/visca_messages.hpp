@@ -3,7 +3,9 @@
 
 #include <array>
 #include <cstdint>
+#include <utility>
 
+#include "sightline/capture/axes/axis_source.hpp"
 #include "sightline/geometry/head_drive.hpp"
 
 namespace sightline::capture {
@@ -19,5 +21,9 @@ constexpr int kViscaZoomEvery = 8;
 /// `fastest` [rad/s] at its fastest step. Speeds are equal steps of that, and never faster than
 /// what is ordered but for the slowest one.
 std::array<uint8_t, 15> format_visca_order(const HeadOrder& order, double count, double fastest);
+
+/// Of parse_visca_position(), in steps of `count` [rad].
+AxisReading visca_reading(const std::pair<int, int>& position, double count, double zoom,
+                          Time stamp);
 
 }  // namespace sightline::capture

@@ -57,12 +57,7 @@ class ViscaSerialSource final : public AxisSource {
     if (!position) return failed();
     failures_ = 0;
     ++counts_.good;
-    AxisReading reading;
-    reading.stamp = answer->stamp;
-    reading.pan = position->first * count_;
-    reading.tilt = position->second * count_;
-    reading.zoom = zoom_;
-    return std::optional(reading);
+    return std::optional(visca_reading(*position, count_, zoom_, answer->stamp));
   }
   Counts counts() const override { return counts_; }
   void turn(const HeadOrder& order) override { order_ = order; }

@@ -111,12 +111,7 @@ class ViscaSource final : public AxisSource {
     if (!position) return refuse();
     answered_ = true;
     ++counts_.good;
-    AxisReading reading;
-    reading.stamp = asked_ + (MonotonicClock::now() - asked_) / 2;
-    reading.pan = position->first * count_;
-    reading.tilt = position->second * count_;
-    reading.zoom = zoom_;
-    return reading;
+    return visca_reading(*position, count_, zoom_, asked_ + (MonotonicClock::now() - asked_) / 2);
   }
 
   UdpSocket socket_;

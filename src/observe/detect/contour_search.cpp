@@ -86,7 +86,7 @@ std::vector<double> with_colors(const std::vector<ContourPose>& poses, const Mes
   return out;
 }
 
-// By their scores as the colors of the mesh weigh them; the scores stay.
+// By their ranks as the colors of the mesh weigh them; the ranks stay.
 void sort_with_colors(std::vector<ContourPose>& poses, const MeshColors* colors,
                       const Executor& executor) {
   if (colors == nullptr) return;
@@ -103,7 +103,7 @@ void sort_with_colors(std::vector<ContourPose>& poses, const MeshColors* colors,
   poses = std::move(sorted);
 }
 
-void sort_by_score(std::vector<ContourPose>& poses) {
+void sort_by_rank(std::vector<ContourPose>& poses) {
   std::stable_sort(poses.begin(), poses.end(),
                    [](const ContourPose& a, const ContourPose& b) { return a.rank > b.rank; });
 }
@@ -164,7 +164,7 @@ std::vector<ContourPose> ContourSearch::fit(const DetectorFrames& frames,
     PoseFit fit = fitter_.fit(frames.fit_cameras(), starts[i], reach, effort);
     fits[i] = scored(frames, std::move(fit), effort.sample_step);
   });
-  sort_by_score(fits);
+  sort_by_rank(fits);
   return fits;
 }
 
@@ -184,7 +184,7 @@ std::vector<ContourPose> ContourSearch::compare(const DetectorFrames& frames,
   for (ContourPose& near : fit(frames, std::span(&motion, 1), kFinalReach, kFullFit)) {
     fits.push_back(std::move(near));
   }
-  sort_by_score(fits);
+  sort_by_rank(fits);
   reorient(frames, fits, nullptr);
   return fits;
 }
@@ -288,7 +288,7 @@ std::vector<ContourPose> ContourSearch::search(const DetectorFrames& frames,
   sort_with_colors(fits, colors, executor_);
   note(trace, "fitted", fits);
   add_variants(frames, fits, colors);
-  sort_by_score(fits);
+  sort_by_rank(fits);
   sort_with_colors(fits, colors, executor_);
   note(trace, "varied", fits);
   reorient(frames, fits, colors);
@@ -336,7 +336,7 @@ void ContourSearch::reorient(const DetectorFrames& frames, std::vector<ContourPo
     fits[i].score *= overlaps[i] / most;
     fits[i].rank *= overlaps[i] / most;
   }
-  sort_by_score(fits);
+  sort_by_rank(fits);
 }
 
 }  // namespace sightline::observe

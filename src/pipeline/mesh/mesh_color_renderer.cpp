@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "pipeline/mesh/depth_tile.hpp"
-#include "sightline/render/raster/raster.hpp"
-#include "sightline/render/raster/surface_shader.hpp"
+#include "pipeline/mesh/painted_raster.hpp"
+#include "pipeline/mesh/renderer_factory.hpp"
 
 namespace sightline {
 namespace {
@@ -30,36 +30,39 @@ uint8_t side_of(const Eigen::Vector3d& normal) {
 
 class MeshColorRenderer final : public ColorRenderer {
  public:
-  MeshColorRenderer(std::shared_ptr<const RayTable> rays, std::shared_ptr<const RenderMesh> mesh)
-      : rasterizer_(rays), shader_(std::move(rays)), mesh_(std::move(mesh)) {
-    for (uint32_t f = 0; f < mesh_->faces.size(); ++f) sides_.push_back(side_of(mesh_->normal(f)));
+  MeshColorRenderer(const std::shared_ptr<const RayTable>& rays,
+                    std::shared_ptr<const RenderMesh> painted)
+      : raster_(rays, std::move(painted)) {
+    const RenderMesh& mesh = raster_.mesh();
+    for (uint32_t f = 0; f < mesh.faces.size(); ++f) sides_.push_back(side_of(mesh.normal(f)));
   }
 
   ColorTile render(const Rigid3& camera_from_object) override {
-    tile_.reset(rasterizer_.bounds(*mesh_, camera_from_object, 0), true);
     ColorTile out;
-    if (tile_.rect().empty() || !rasterizer_.draw(*mesh_, camera_from_object, tile_)) return out;
-    shader_.run(*mesh_, camera_from_object, Shading::kFlat, true, tile_);
-    out.depth = pipeline::depth_tile(tile_, rasterizer_.rays().model());
-    const size_t size = tile_.stride() * static_cast<size_t>(tile_.height());
+    if (!raster_.draw(camera_from_object)) return out;
+    const RasterTile& tile = raster_.tile();
+    out.depth = pipeline::depth_tile(tile, raster_.camera());
+    const size_t size = tile.stride() * static_cast<size_t>(tile.height());
     for (auto& plane : planes_) {
       if (plane.size() < size) plane.resize(size);
     }
-    for (int y = 0; y < tile_.height(); ++y) take_row(y);
+    for (int y = 0; y < tile.height(); ++y) take_row(y);
     out.color = {planes_[0].data(), planes_[1].data(), planes_[2].data()};
     out.side = planes_[3].data();
-    out.stride = static_cast<ptrdiff_t>(tile_.stride());
+    out.stride = static_cast<ptrdiff_t>(tile.stride());
     return out;
   }
 
  private:
   // The shader's light is taken out of its colors.
   void take_row(int y) {
-    const uint32_t* const faces = tile_.face(y);
-    const uint8_t* const shade = tile_.shade(y);
-    const std::array<const uint8_t*, 3> lit = {shader_.luma(y), shader_.u(y), shader_.v(y)};
-    const size_t row = static_cast<size_t>(y) * tile_.stride();
-    for (int x = 0; x < tile_.width(); ++x) {
+    const RasterTile& tile = raster_.tile();
+    const SurfaceShader& shader = raster_.shader();
+    const uint32_t* const faces = tile.face(y);
+    const uint8_t* const shade = tile.shade(y);
+    const std::array<const uint8_t*, 3> lit = {shader.luma(y), shader.u(y), shader.v(y)};
+    const size_t row = static_cast<size_t>(y) * tile.stride();
+    for (int x = 0; x < tile.width(); ++x) {
       if (faces[x] == RasterTile::kNoFace) continue;
       const int light = SurfaceShader::light_of(shade[x]);
       const size_t at = row + static_cast<size_t>(x);
@@ -72,11 +75,8 @@ class MeshColorRenderer final : public ColorRenderer {
     }
   }
 
-  MeshRasterizer rasterizer_;
-  SurfaceShader shader_;
-  std::shared_ptr<const RenderMesh> mesh_;
-  std::vector<uint8_t> sides_;  ///< by face
-  RasterTile tile_;
+  pipeline::PaintedRaster raster_;
+  std::vector<uint8_t> sides_;                  ///< by face
   std::array<std::vector<uint8_t>, 4> planes_;  ///< Y, U, V, side
 };
 
@@ -84,11 +84,8 @@ class MeshColorRenderer final : public ColorRenderer {
 
 ColorRendererFactory mesh_color_renderer_factory(std::shared_ptr<const RenderMesh> painted,
                                                  std::shared_ptr<const CameraGeometry> camera) {
-  return [painted = std::move(painted),
-          camera = std::move(camera)](const CameraModel& model) -> std::unique_ptr<ColorRenderer> {
-    auto rays = camera ? camera->rays(model) : RayTable::build(model);
-    return std::make_unique<MeshColorRenderer>(std::move(rays), painted);
-  };
+  return pipeline::renderer_factory<ColorRenderer, MeshColorRenderer>(std::move(painted),
+                                                                      std::move(camera));
 }
 
 }  // namespace sightline

@@ -2,6 +2,7 @@
 #include "sightline/pipeline/mesh_depth_renderer.hpp"
 
 #include "pipeline/mesh/depth_tile.hpp"
+#include "pipeline/mesh/renderer_factory.hpp"
 #include "sightline/render/raster/raster.hpp"
 
 namespace sightline {
@@ -29,11 +30,8 @@ class MeshDepthRenderer final : public DepthRenderer {
 
 DepthRendererFactory mesh_depth_renderer_factory(std::shared_ptr<const RenderMesh> mesh,
                                                  std::shared_ptr<const CameraGeometry> camera) {
-  return [mesh = std::move(mesh),
-          camera = std::move(camera)](const CameraModel& model) -> std::unique_ptr<DepthRenderer> {
-    auto rays = camera ? camera->rays(model) : RayTable::build(model);
-    return std::make_unique<MeshDepthRenderer>(std::move(rays), mesh);
-  };
+  return pipeline::renderer_factory<DepthRenderer, MeshDepthRenderer>(std::move(mesh),
+                                                                      std::move(camera));
 }
 
 }  // namespace sightline

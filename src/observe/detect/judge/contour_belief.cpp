@@ -13,6 +13,7 @@ Detection ContourBelief::believe(const DetectorFrames& frames,
   found.time = time;
   if (contours.empty()) {
     weak_.clear();
+    if (where == Where::kMotion) moving_.clear();
     return found;
   }
   const RigMotion& best = contours.front().fit.motion;

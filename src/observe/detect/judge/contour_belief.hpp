@@ -46,8 +46,7 @@ class ContourBelief {
 
   const DetectionJudge& judge_;
   WeakDetections weak_;
-  MovingDetections
-      moving_;  ///< the same of what moves, that the colors of the mesh do not speak for
+  MovingDetections moving_;  ///< the same of what moves, for which the mesh's colors do not speak
 };
 
 }  // namespace sightline::observe
