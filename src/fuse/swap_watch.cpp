@@ -9,14 +9,18 @@ namespace {
 // What may be against an object whose place is known all the same.
 constexpr DegradedReasons kPlaceKnown =
     kUnconfirmed | kAmbiguous | kWeakRotation | kOneCamera | kPossibleSwap;
-// Standard deviations of the distance within which one may be where the other is; what is out of
-// sight may be anywhere soon, so that it counts up to the size of the object.
-constexpr double kSigmas = 4, kMostRadii = 2;
+// How far one that is not held may be from where it is taken to be: standard deviations, and what
+// the two can have moved meanwhile [m/s]. A measurement that is refused in one frame swaps nothing.
+// What is out of sight may be anywhere soon, so that it counts up to so many radii.
+constexpr double kSigmas = 4, kSpeed = 2, kMostRadii = 4;
 
 }  // namespace
 
 SwapWatch::SwapWatch(const std::vector<AlikeObject>& objects)
-    : objects_(objects), seen_(objects.size()), suspected_(objects.size(), false) {
+    : objects_(objects),
+      seen_(objects.size()),
+      held_at_(objects.size()),
+      suspected_(objects.size(), false) {
   for (size_t i = 0; i < objects_.size(); ++i) {
     for (size_t k = i + 1; k < objects_.size(); ++k) {
       if (objects_[i].kind >= 0 && objects_[i].kind == objects_[k].kind) pairs_.push_back({i, k});
@@ -47,9 +51,9 @@ void SwapWatch::compare(const Seen& first, const Seen& second, Pair& pair) const
   const AlikeObject& object = objects_[pair.first];
   const double distance = (first.center - second.center).norm();
   pair.together = distance < object.thickness;
-  const double reach =
-      std::min(kSigmas * std::hypot(first.sigma, second.sigma), kMostRadii * object.radius);
-  const bool near = distance < 2 * object.radius + reach;
+  const double reach = kSigmas * std::hypot(first.sigma, second.sigma) +
+                       kSpeed * to_seconds(std::max(first.unheld, second.unheld));
+  const bool near = distance < object.thickness + std::min(reach, kMostRadii * object.radius);
   const bool held = first.held && second.held;
   if (near && !held) pair.swapped |= pair.apart;
   pair.apart |= held && !pair.together;
@@ -62,7 +66,11 @@ void SwapWatch::update(std::span<const PoseTrackPtr> tracks) {
     if (!track->empty()) now = std::max(now, track->newest().time);
   }
   for (size_t i = 0; i < objects_.size(); ++i) {
-    if (objects_[i].kind >= 0) seen_[i] = look(i, *tracks[i], now);
+    if (objects_[i].kind < 0) continue;
+    const Seen seen = look(i, *tracks[i], now);
+    if (seen.held || !seen_[i].known) held_at_[i] = now;
+    seen_[i] = seen;
+    seen_[i].unheld = now - held_at_[i];
   }
   std::fill(suspected_.begin(), suspected_.end(), false);
   for (Pair& pair : pairs_) {

@@ -92,12 +92,25 @@ TEST(SwapWatch, WhatIsPoorlyKnownNearTheOtherIsSuspectToo) {
     Table table({0, 0});
     table.step({{0}, {0.5}});
     table.step({{0, kDegraded, reason}, {0.12}});
+    EXPECT_FALSE(table.suspected(0)) << "one frame is not enough to go there";
+    table.step({{0, kDegraded, reason}, {0.12}});
     EXPECT_TRUE(table.suspected(0) && table.suspected(1)) << reason;
   }
   Table table({0, 0});
   table.step({{0}, {0.5}});
   table.step({{0, kDegraded, kAmbiguous}, {0.12}});  // its place is known
   EXPECT_FALSE(table.suspected(0) || table.suspected(1));
+}
+
+TEST(SwapWatch, OneRefusedFrameSwapsNothing) {
+  Table table({0, 0});
+  for (int i = 0; i < 50; ++i) {
+    const bool refused = i % 5 == 4;
+    table.step({{0, refused ? kDegraded : TrackState::kTracking,
+                 refused ? DegradedReasons{kContradicted} : DegradedReasons{0}},
+                {0.13}});
+    ASSERT_FALSE(table.suspected(0) || table.suspected(1)) << i;
+  }
 }
 
 TEST(SwapWatch, UncertaintyReachesFartherButNotForEver) {

@@ -48,6 +48,7 @@ class SwapWatch {
     bool held = false;                                 ///< and nothing speaks against its place
     Eigen::Vector3d center = Eigen::Vector3d::Zero();  ///< world frame
     double sigma = 0;                                  ///< of its place [m]
+    Duration unheld{};                                 ///< for so long it has not been held
   };
   Seen look(size_t object, const PoseTrack& track, Time now) const;
   void compare(const Seen& first, const Seen& second, Pair& pair) const;
@@ -55,6 +56,7 @@ class SwapWatch {
   std::vector<AlikeObject> objects_;
   std::vector<Pair> pairs_;
   std::vector<Seen> seen_;
+  std::vector<Time> held_at_;  ///< by object, last, or when it was found
   std::vector<bool> suspected_;
 };
 
