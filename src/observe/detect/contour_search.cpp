@@ -17,7 +17,7 @@ namespace {
 
 // The contrast that a fit may tell is another one than that of contours.
 constexpr FitEffort kFullFit{8, kSampleStep, false};
-constexpr FitEffort kFollowingFit{8, kSampleStep, false, true};
+constexpr FitEffort kFollowingFit{8, kSampleStep, false, true, kRestOfSearch};
 constexpr FitEffort kQuickFit{5, kScreenedStep, false, false, kRestOfSearch};
 // A twist that only the small differences of the cameras' capture times tell is six more numbers
 // for a wrong pose to fit by: wrong ones ended at 10 rad/s and 1.5 to 3 m/s (medians).

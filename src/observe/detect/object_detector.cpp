@@ -256,7 +256,8 @@ class ObjectDetector::Impl {
   }
 
   void fit_and_judge(std::span<const RigMotion> starts, std::vector<JudgedPose>& judged) const {
-    for (PoseFit& fit : fitter_.fit(frames_.fit_cameras(), starts, kSearchReach, {.moved = true})) {
+    for (PoseFit& fit : fitter_.fit(frames_.fit_cameras(), starts, kSearchReach,
+                                    {.moved = true, .rest = kRestOfSearch})) {
       if (!possible(fit.motion.world_from_object)) continue;
       judged.push_back(judge_.judge(std::move(fit)));
     }
