@@ -41,6 +41,7 @@ struct System {
   /// By CameraId: whose observations `fusion` has been given, also of cameras that have gone since.
   /// What it has learned of a camera goes by its CameraId.
   std::vector<std::string> fusion_cameras{};
+  std::shared_ptr<FoundViews> found_views{};   ///< from `search` to the cameras
   std::shared_ptr<SearchWorker> search{};      ///< null: nothing to search for
   std::shared_ptr<PointsWorker> points{};      ///< null: off, or fewer than two cameras observe
   std::shared_ptr<RecorderWorker> recorder{};  ///< null: nothing is recorded

@@ -151,7 +151,10 @@ Result<SystemDraft> SystemBuilder::prepare(Installation next, std::stop_token st
   }
   if (draft.plan.search) {
     SL_ASSIGN(draft.search, ObjectSearch::create(now, *system.rig));
-    if (draft.search) hint_last_poses(now, *draft.search);
+    if (draft.search) {
+      hint_last_poses(now, *draft.search);
+      draft.search->offer_to(system.found_views);
+    }
   }
   if (draft.plan.recorder && records(now)) {
     SL_ASSIGN(draft.recorder, recorder_options(now));
@@ -165,6 +168,10 @@ Result<SystemDraft> SystemBuilder::prepare(Installation next, std::stop_token st
 // No camera's parts need another's.
 Status SystemBuilder::prepare_cameras(SystemDraft& draft, const std::stop_token& stop) const {
   const size_t count = draft.plan.cameras.size();
+  // Its objects are those of the observers.
+  if (draft.plan.observers || !draft.system.found_views) {
+    draft.system.found_views = std::make_shared<FoundViews>();
+  }
   draft.system.cameras.assign(count, nullptr);
   std::vector<std::optional<CameraParts>> parts(count);
   std::vector<SystemDraft::Stages> stages(count);
@@ -249,6 +256,7 @@ Result<SystemDraft::Stages> SystemBuilder::camera_stages(const SystemDraft& draf
 Result<ObserveStage> SystemBuilder::observe_stage(const System& next, CameraId id) const {
   ObserveStage stage;
   SL_ASSIGN(stage.observer, CameraObserver::create(next.installation, *next.rig, id));
+  stage.observer->take_from(next.found_views);
   if (streams_camera(next.installation, next.installation.cameras[id.index()])) {
     SL_ASSIGN(stage.learner, make_learner(next.installation, *next.rig, id));
   }

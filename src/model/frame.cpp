@@ -104,6 +104,14 @@ void Frame::copy_i420_to(const MutableI420View& to) const {
   SL_CHECK(status.has_value(), "raw() checked the sizes");
 }
 
+FramePtr Frame::copy_for(CameraId camera, std::shared_ptr<ImagePool> pool) const {
+  const auto image = pool->get();
+  copy_i420_to(image->mutable_view());
+  FrameInfo info = info_;
+  info.camera = camera;
+  return decoded(info, image, {}, std::move(pool));
+}
+
 PlaneView Frame::gray() const {
   if (!decoded_ && luma_comes_first(info_.format)) return luma_of(info_, payload_);
   return i420().y;

@@ -105,13 +105,14 @@ Result<std::unique_ptr<CameraObserver>> CameraObserver::create(const Installatio
   SL_ASSIGN(auto tracker, ObjectTracker::create(config.calibration, camera, std::move(objects),
                                                 options, std::move(scene)));
   return std::unique_ptr<CameraObserver>(
-      new CameraObserver(std::move(fiducials), std::move(tracker), std::move(turning)));
+      new CameraObserver(camera, std::move(fiducials), std::move(tracker), std::move(turning)));
 }
 
-CameraObserver::CameraObserver(std::unique_ptr<FiducialObserver> fiducials,
+CameraObserver::CameraObserver(CameraId camera, std::unique_ptr<FiducialObserver> fiducials,
                                std::unique_ptr<ObjectTracker> tracker,
                                std::unique_ptr<TurningView> turning)
-    : fiducials_(std::move(fiducials)),
+    : camera_(camera),
+      fiducials_(std::move(fiducials)),
       tracker_(std::move(tracker)),
       turning_(std::move(turning)) {}
 CameraObserver::~CameraObserver() = default;
@@ -119,6 +120,9 @@ CameraObserver::~CameraObserver() = default;
 void CameraObserver::step(const Frame& frame, std::span<const PoseTrackPtr> tracks,
                           std::vector<Observation>& out) {
   const size_t first = out.size();
+  if (found_) {
+    for (FoundView& view : found_->take(camera_)) tracker_->note_found(std::move(view));
+  }
   if (turning_) {
     if (!turning_->look(frame.info(), tracks)) return;
     tracks = turning_->tracks();

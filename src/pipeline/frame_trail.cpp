@@ -56,11 +56,7 @@ void FrameTrail::push(CameraId camera, const Frame& frame) {
     to.skipped = 0;
     pool = pool_of(to, frame.info());
   }
-  const auto image = pool->get();
-  frame.copy_i420_to(image->mutable_view());
-  FrameInfo info = frame.info();
-  info.camera = camera;
-  FramePtr copy = Frame::decoded(info, image, {}, pool);
+  FramePtr copy = frame.copy_for(camera, std::move(pool));
   std::lock_guard lock(mutex_);
   if (!open_) return;
   Camera& to = cameras_[camera.index()];

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "pipeline/search/found_frames.hpp"
 #include "sightline/base/log.hpp"
 #include "sightline/pipeline/parallel.hpp"
 #include "sightline/pipeline/search_cost.hpp"
@@ -41,14 +42,14 @@ constexpr int kChecksWithoutDoubt = 4;   // in a row, if another orientation sco
 constexpr int kDoubts = 2;               // checks in a row that end in a search
 constexpr double kSameSuspicion = 0.35;  // [rad] between the orientations of two checks
 
-void append(const Detection& detection, bool refutes, std::vector<Observation>& out) {
-  for (const Observation& observation : detection.observations) {
-    out.push_back(observation);
-    out.back().refutes = refutes;
-  }
-}
-
 }  // namespace
+
+ObjectSearch::ObjectSearch() = default;
+ObjectSearch::~ObjectSearch() = default;
+
+void ObjectSearch::offer_to(std::shared_ptr<FoundViews> views) {
+  found_frames_ = std::make_unique<pipeline::FoundFrames>(cameras_, std::move(views));
+}
 
 Result<std::unique_ptr<ObjectSearch>> ObjectSearch::create(const Installation& installation,
                                                            const Rig& rig) {
@@ -68,7 +69,7 @@ Result<std::unique_ptr<ObjectSearch>> ObjectSearch::create(const Installation& i
               BackgroundModel::create(camera.calibration, installation.detect.background));
   }
   if (cameras.empty()) return std::unique_ptr<ObjectSearch>();
-  search->cameras_ = cameras.size();
+  search->cameras_ = cameras;
   for (const RigObject& object : rig.objects) {
     if (has_markers(object.description)) continue;
     SL_RETURN_IF_ERROR(search->add_target(installation, object, cameras));
@@ -135,8 +136,8 @@ void ObjectSearch::find_known(Time time, std::span<const PoseTrackPtr> tracks, b
 
 bool ObjectSearch::complete(Time now) const {
   const Duration waited = now - first_frame_;
-  const bool enough = delivered_.size() >= std::min<size_t>(2, cameras_);
-  return delivered_.size() >= cameras_ || waited >= (enough ? kFirstFrames : kAloneAfter);
+  const bool enough = delivered_.size() >= std::min<size_t>(2, cameras_.size());
+  return delivered_.size() >= cameras_.size() || waited >= (enough ? kFirstFrames : kAloneAfter);
 }
 
 bool ObjectSearch::learns(CameraId camera, Time capture) const {
@@ -180,6 +181,7 @@ void ObjectSearch::add_frame(CameraId camera, const Frame& frame,
   const bool missing_any = std::any_of(targets_.begin(), targets_.end(), [&](const Target& target) {
     return missing(target, capture, tracks);
   });
+  if (found_frames_) found_frames_->keep(camera, frame);
   if (missing_any && background != nullptr) find_known(capture, tracks, false);
   const bool is_known =
       missing_any && background != nullptr && background->foreground(frame, known_, foreground_);
@@ -240,7 +242,7 @@ Detection ObjectSearch::by_features(Target& target, PoseProposals proposals) {
 
 Detection ObjectSearch::look_everywhere(Target& target) {
   if (target.features) {  // texture says more than an outline, and sooner
-    feature_work_.textures += cameras_;
+    feature_work_.textures += cameras_.size();
     Detection found = by_features(target, target.features->propose());
     target.by_features = !found.poses.empty();
     if (target.by_features) return found;
@@ -337,7 +339,15 @@ void ObjectSearch::check(Target& target, Time now, std::span<const PoseTrackPtr>
   log::debug("check: {}: refuted, {:.0f} deg and {:.0f} mm off", target.object.index(),
              57.3 * rotation_angle(pose, target.found.poses.front().world_from_object),
              1e3 * translation_distance(pose, target.found.poses.front().world_from_object));
-  append(target.found, true, out);
+  hand_out(target, out);
+}
+
+void ObjectSearch::hand_out(const Target& target, std::vector<Observation>& out) const {
+  if (found_frames_) found_frames_->offer(target.found, *target.views, target.refutes);
+  for (const Observation& observation : target.found.observations) {
+    out.push_back(observation);
+    out.back().refutes = target.refutes;
+  }
 }
 
 // What stands out by little may err: it has to pass more checks.
@@ -401,7 +411,7 @@ void ObjectSearch::search(Target& target, Time now, std::vector<Observation>& ou
   SearchWork done = work();
   done -= before;
   target.pause = pause_after(target, now, done);
-  append(target.found, false, out);
+  hand_out(target, out);
 }
 
 // What is not found for long is looked for at a bounded cost: by the model of it, so that a replay
@@ -420,12 +430,12 @@ std::vector<Observation> ObjectSearch::follow() {
     Detection now =
         target.policy.by_outline(target.detector->follow(target.found), target.colors.get());
     if (now.poses.empty() && target.by_features) {
-      feature_work_.near_poses += cameras_;
+      feature_work_.near_poses += cameras_.size();
       now = by_features(target, target.features->propose_near(target.found));
     }
     if (now.poses.empty()) continue;  // covered or blurred for a moment: the next frames may do
-    append(now, target.refutes, out);
     target.found = std::move(now);
+    hand_out(target, out);
   }
   return out;
 }

@@ -17,10 +17,12 @@ Result<std::unique_ptr<TrackingChain>> TrackingChain::create(const Installation&
   chain->objects_ = rig.names();
   chain->observers_.resize(installation.cameras.size());
   chain->rooms_.resize(installation.cameras.size());
+  const auto found = std::make_shared<FoundViews>();
   const auto references = std::make_shared<SceneReferences>();
   for (const CameraId camera : cameras) {
     SL_ASSIGN(chain->observers_.at(camera.index()),
               CameraObserver::create(installation, rig, camera));
+    chain->observers_[camera.index()]->take_from(found);
     chain->rooms_[camera.index()] = RoomWatch::create(installation, rig, camera, references);
   }
   SL_ASSIGN(chain->fusion_,
@@ -28,6 +30,7 @@ Result<std::unique_ptr<TrackingChain>> TrackingChain::create(const Installation&
                                  nullptr, make_calibration_watch(installation, rig)));
   chain->fusion_->watch_swaps(rig.alike());
   chain->search_ = std::move(search);
+  if (chain->search_) chain->search_->offer_to(found);
   if (chain->search_ && !timing.instant) {
     chain->timed_ = std::make_unique<TimedSearch>(*chain->search_, installation.cameras.size(),
                                                   timing.cost_factor);

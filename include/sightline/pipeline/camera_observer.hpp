@@ -7,6 +7,7 @@
 #include "sightline/observe/fiducial/fiducial_observer.hpp"
 #include "sightline/observe/track/object_tracker.hpp"
 #include "sightline/pipeline/rig.hpp"
+#include "sightline/pipeline/search/found_views.hpp"
 
 namespace sightline {
 
@@ -22,6 +23,8 @@ class CameraObserver {
                                                         const Rig& rig, CameraId camera);
   ~CameraObserver();
 
+  /// What a search puts there of this camera is taken at each step().
+  void take_from(std::shared_ptr<FoundViews> found) { found_ = std::move(found); }
   /// Looks at a frame with the newest tracks and appends one Observation per object that has any
   /// modality at all. Of a camera that turns, what it says is what the camera would say at the
   /// frame's place; where that is not known it says nothing.
@@ -32,10 +35,12 @@ class CameraObserver {
   ObjectTracker& tracker() { return *tracker_; }
 
  private:
-  CameraObserver(std::unique_ptr<FiducialObserver> fiducials,
+  CameraObserver(CameraId camera, std::unique_ptr<FiducialObserver> fiducials,
                  std::unique_ptr<ObjectTracker> tracker,
                  std::unique_ptr<pipeline::TurningView> turning);
 
+  const CameraId camera_;
+  std::shared_ptr<FoundViews> found_;  // null: nobody searches
   std::unique_ptr<FiducialObserver> fiducials_;
   std::unique_ptr<ObjectTracker> tracker_;
   std::unique_ptr<pipeline::TurningView> turning_;  // null: the camera stands still

@@ -13,8 +13,13 @@
 #include "sightline/observe/features/feature_detector.hpp"
 #include "sightline/observe/scene/background_model.hpp"
 #include "sightline/pipeline/rig.hpp"
+#include "sightline/pipeline/search/found_views.hpp"
 
 namespace sightline {
+
+namespace pipeline {
+class FoundFrames;
+}
 
 /// Searches for the objects whose pose is not known: says when a search is due and runs it on the
 /// newest frames, with the backgrounds of the cameras. The same for replay, in step, and for the
@@ -26,6 +31,10 @@ class ObjectSearch {
   static Result<std::unique_ptr<ObjectSearch>> create(const Installation& installation,
                                                       const Rig& rig);
 
+  ~ObjectSearch();
+
+  /// What it finds is offered there from now on, for those who track it.
+  void offer_to(std::shared_ptr<FoundViews> views);
   /// True if a search for some object is due at `now` (see search()), or a check of one whose pose
   /// is known. Cheap.
   bool due(Time now, std::span<const PoseTrackPtr> tracks) const;
@@ -129,7 +138,7 @@ class ObjectSearch {
     ObjectId object;
     std::optional<Told> told;
   };
-  ObjectSearch() = default;
+  ObjectSearch();
   Status add_target(const Installation& installation, const RigObject& object,
                     const std::vector<DetectorCamera>& cameras);
   bool due(const Target& target, Time now, std::span<const PoseTrackPtr> tracks) const;
@@ -141,6 +150,8 @@ class ObjectSearch {
   static bool check_due(const Target& target, Time now, std::span<const PoseTrackPtr> tracks);
   void check(Target& target, Time now, std::span<const PoseTrackPtr> tracks,
              std::vector<Observation>& out);
+  /// Hands out what was found of a target.
+  void hand_out(const Target& target, std::vector<Observation>& out) const;
   static void begin_proof(Target& target);
   static void note_passed(Target& target, const OrientationComparison& compared);
   static bool turned(Target& target, const Rigid3& pose, const OrientationComparison& compared);
@@ -155,8 +166,9 @@ class ObjectSearch {
 
   Duration interval_{};
   double max_load_ = 1;
-  size_t cameras_ = 0;
-  std::vector<CameraId> delivered_;  ///< cameras that have given a frame
+  std::vector<DetectorCamera> cameras_;
+  std::unique_ptr<pipeline::FoundFrames> found_frames_;  ///< null: nobody is offered any
+  std::vector<CameraId> delivered_;                      ///< cameras that have given a frame
   Time first_frame_{};
   SearchWork feature_work_;
   Checks checks_;

@@ -24,6 +24,21 @@ LearnedAppearance::LearnedAppearance(const TrackerCamera& camera, CameraId id,
   }
 }
 
+void LearnedAppearance::begin(const Frame& frame, const PlacedOutline& outline, size_t aspect) {
+  forget();
+  collect_colors(ColorReader(frame.i420()), outline.lines(), tuning::kLearnGapPx,
+                 tuning::kLearnReachPx, pending_.foreground, pending_.background);
+  pending_.any = false;  // their place was taken
+  provisional_ = begun_ = colors_.learn(aspect, pending_.foreground, pending_.background, 1.0f);
+}
+
+void LearnedAppearance::forget() {
+  colors_.forget();
+  local_colors_.forget();
+  if (texture_) texture_->forget();
+  provisional_ = begun_ = false;
+}
+
 bool LearnedAppearance::learn_pending(const PoseTrack& track, const PlacedOutline& outline) {
   const TrackerOptions& options = camera_.options;
   const bool replace = std::exchange(pending_.replace, false);
@@ -37,14 +52,16 @@ bool LearnedAppearance::learn_pending(const PoseTrack& track, const PlacedOutlin
   const bool ambiguous =
       estimate.state == TrackState::kDegraded && estimate.degraded_reasons == kAmbiguous;
   // What is certain must not be mixed with what may be of a symmetric pose.
-  const bool allowed =
-      estimate.state == TrackState::kTracking || (ambiguous && (provisional_ || !known()));
+  const bool tracked = estimate.state == TrackState::kTracking;
+  const bool follows = begun_ && has_pose(estimate.state);
+  const bool allowed = tracked || follows || (ambiguous && (provisional_ || !known()));
   if (at.source != PoseSource::kEstimated || !allowed || !counted ||
       outline.distance_to(estimate.world_from_object) > options.learn_distance_px) {
     if (texture_) texture_->drop_candidates();
     return false;
   }
   provisional_ |= ambiguous;
+  begun_ &= !tracked;
   // Points of texture stay where the pose puts them: it has to be known.
   if (texture_ && estimate.own_sigma_rotation() < options.texture_pose.rotation &&
       estimate.own_sigma_translation() < options.texture_pose.translation) {
@@ -59,18 +76,16 @@ bool LearnedAppearance::learn_pending(const PoseTrack& track, const PlacedOutlin
   } else if (pending_.clear && local_colors_.known()) {
     local_colors_.forget();
   }
+  const double rate = begun_ ? tuning::kBegunRate : options.learning_rate;
   return colors_.learn(pending_.aspect, pending_.foreground, pending_.background,
-                       static_cast<float>(options.learning_rate));
+                       static_cast<float>(rate));
 }
 
 void LearnedAppearance::review(const PoseAt& at, const Rigid3& measured) {
   if (!provisional_) return;
   const bool there = at.source != PoseSource::kNone && has_pose(at.estimate.state);
   if (!there || rotation_angle(at.estimate.world_from_object, measured) > tuning::kSymmetricJump) {
-    colors_.forget();
-    local_colors_.forget();
-    if (texture_) texture_->forget();
-    provisional_ = false;
+    forget();
   } else if (at.estimate.state == TrackState::kTracking) {
     provisional_ = false;
   }

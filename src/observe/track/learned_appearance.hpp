@@ -32,6 +32,12 @@ class LearnedAppearance {
   /// Known, and of this pose beyond doubt: not learned while it could have been a symmetric one.
   bool certain() const { return known() && !provisional_; }
 
+  /// Learns the colors where a search has found it, in place of all that was learned. Until the
+  /// object is tracked they go with those of each frame: the object moves on before others.
+  void begin(const Frame& frame, const PlacedOutline& outline, size_t aspect);
+  /// As begun, and not tracked since.
+  bool begun() const { return begun_; }
+
   /// Keeps what was noted if the track's estimate of that frame allows it. `outline`: as it was
   /// measured then. True if colors were learned.
   bool learn_pending(const PoseTrack& track, const PlacedOutline& outline);
@@ -63,13 +69,15 @@ class LearnedAppearance {
     LocalCounts counts;
   };
 
+  void forget();
+
   const TrackerCamera& camera_;
   const CameraId id_;
   Appearance colors_;
   LocalColors local_colors_;
   std::unique_ptr<TexturePoints> texture_;
   Pending pending_;
-  bool provisional_ = false;
+  bool provisional_ = false, begun_ = false;
   int missed_ = 0;  ///< frames in a row in which others saw it
 };
 

@@ -61,7 +61,7 @@ OutlineAgreement ModelTracker::judge_locally(const Look& look, double spread_px,
 }
 
 OutlineAgreement ModelTracker::find_outline(const Look& look, const ColorHistograms* known,
-                                            const LocalColors* known_local) {
+                                            const LocalColors* known_local, bool begun) {
   const bool held_locally = known_local != nullptr && known_local->known();
   if (held_locally) {
     const OutlineAgreement local = by_local_colors(look, known_local);
@@ -72,6 +72,8 @@ OutlineAgreement ModelTracker::find_outline(const Look& look, const ColorHistogr
   if (all.seen) {
     all.edge_support = edges_.support(look.frame.gray(), look.prior, outline_, all).share();
   }
+  // What was found may be something else, whose colors fit the more the less they tell.
+  if (begun) all.seen = all.seen && all.edge_support >= kHeldEdgeSupport;
   // Of what was held by the colors of its stretches, those as a whole are known not to tell.
   if (held_locally) {
     all.seen = all.seen && all.edge_support >= kHeldEdgeSupport;
@@ -85,6 +87,19 @@ OutlineAgreement ModelTracker::find_outline(const Look& look, const ColorHistogr
   return all;
 }
 
+size_t ModelTracker::aspect() const {
+  const Rigid3 object_from_camera = outline_.camera_from_object().inverse();
+  return Appearance::aspect_of(
+      (object_from_camera.translation - object_.views->center()).normalized());
+}
+
+size_t ModelTracker::place(const Rigid3& world_from_object,
+                           std::span<const OccludingSphere> spheres) {
+  outline_.set_occluders(spheres);
+  outline_.place(world_from_object);
+  return aspect();
+}
+
 ModelTracker::Measurement ModelTracker::measure(const Frame& frame, const Prediction& prediction,
                                                 const Learned& learned,
                                                 std::span<const OccludingSphere> spheres,
@@ -96,9 +111,7 @@ ModelTracker::Measurement ModelTracker::measure(const Frame& frame, const Predic
   other_outline_.set_occluders(spheres);
   outline_.place(prediction.world_from_object);
   Measurement out;
-  const Rigid3 object_from_camera = outline_.camera_from_object().inverse();
-  out.aspect = Appearance::aspect_of(
-      (object_from_camera.translation - object_.views->center()).normalized());
+  out.aspect = aspect();
   ObjectTracker::TrackResult& result = out.result;
   result.lines_total = static_cast<int>(outline_.lines().size());
   if (outline_.lines().empty()) return out;
@@ -110,7 +123,8 @@ ModelTracker::Measurement ModelTracker::measure(const Frame& frame, const Predic
       outline_.pixels_per_meter() * (sigma_translation + object_.views->radius() * sigma_rotation);
   const ColorHistograms* known =
       learned.colors != nullptr ? learned.colors->of_aspect(out.aspect) : nullptr;
-  const OutlineAgreement agreement = find_outline({frame, prior, spread_px}, known, learned.local);
+  const OutlineAgreement agreement =
+      find_outline({frame, prior, spread_px}, known, learned.local, learned.begun);
   result.lines_total = static_cast<int>(outline_.lines().size());
   result.lines_used = agreement.lines_used;
   result.evidence = agreement.evidence;

@@ -41,10 +41,13 @@ class ModelTracker {
     const Appearance* colors = nullptr;
     const LocalColors* local = nullptr;
     TexturePoints* texture = nullptr;
+    bool begun = false;  ///< the colors are those of where a search has found it
   };
   Measurement measure(const Frame& frame, const Prediction& prediction, const Learned& learned,
                       std::span<const OccludingSphere> spheres, std::vector<PoseTermPtr>& terms);
 
+  /// Places the outline at a pose, for begin(); its aspect.
+  size_t place(const Rigid3& world_from_object, std::span<const OccludingSphere> spheres);
   /// As the last measure() left it: placed at the fitted pose, lines that do not agree not
   /// measured.
   const PlacedOutline& outline() const { return outline_; }
@@ -56,8 +59,9 @@ class ModelTracker {
     const PosePrior& prior;
     double spread_px;
   };
+  size_t aspect() const;
   OutlineAgreement find_outline(const Look& look, const ColorHistograms* known,
-                                const LocalColors* known_local);
+                                const LocalColors* known_local, bool begun);
   OutlineAgreement by_all_colors(const Look& look, const ColorHistograms* known);
   OutlineAgreement by_local_colors(const Look& look, const LocalColors* known);
   /// From where the outline is placed, off by about `spread_px`.

@@ -2,6 +2,7 @@
 #include "sightline/observe/track/object_tracker.hpp"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "observe/track/learned_appearance.hpp"
@@ -28,6 +29,7 @@ constexpr Duration kCompareSoon = std::chrono::milliseconds(60);
 constexpr double kWeakTurn = 0.02;  // [rad]
 // The image around the object is checked so often: 0.4 ms each.
 constexpr Duration kCheckPicture = std::chrono::milliseconds(250);
+constexpr Duration kFoundForMost = std::chrono::seconds(1);       // what was found is of use
 constexpr Duration kCheckAbsent = std::chrono::milliseconds(60);  // while it is not seen
 
 Status require(bool good, const char* name, const char* range) {
@@ -77,6 +79,7 @@ class ObjectTracker::Impl {
   const TrackResult& last_result(size_t index) const { return states_.at(index)->last; }
   void step(const Frame& frame, std::span<const PoseTrackPtr> tracks,
             std::vector<Observation>& out);
+  void note_found(FoundView view);
   Observation propose(const Frame& frame, ObjectId object, const Rigid3& pose,
                       const Matrix6& covariance);
 
@@ -100,6 +103,7 @@ class ObjectTracker::Impl {
     Time compared{};                                 ///< silhouettes and colors, last
     std::unique_ptr<observe::PictureCheck> picture;  ///< null: without silhouettes
     Time checked{};                                  ///< the picture, last
+    std::optional<FoundView> found;                  ///< not made use of yet
     TrackResult last;
   };
 
@@ -108,6 +112,7 @@ class ObjectTracker::Impl {
     return frame.info().status == FrameStatus::kGood && frame.info().width == model.width() &&
            frame.info().height == model.height();
   }
+  void begin(State& state, Time now);
   void gather_occluders(ObjectId object, Time time, std::span<const PoseTrackPtr> tracks);
   static void check_picture(State& state, const Frame& frame, const Rigid3& pose, Observation& out);
   void track(State& state, const Frame& frame, const PoseAt& at, Observation& out);
@@ -153,6 +158,21 @@ void ObjectTracker::Impl::check_picture(State& state, const Frame& frame, const 
   }
 }
 
+void ObjectTracker::Impl::note_found(FoundView view) {
+  const auto at = std::find(ids_.begin(), ids_.end(), view.object);
+  if (at == ids_.end() || !view.frame || !usable(*view.frame)) return;
+  states_[static_cast<size_t>(at - ids_.begin())]->found = std::move(view);
+}
+
+void ObjectTracker::Impl::begin(State& state, Time now) {
+  const std::optional<FoundView> found = std::exchange(state.found, std::nullopt);
+  if (!found || now - found->frame->info().capture > kFoundForMost) return;
+  if (state.appearance.known() && !found->refutes) return;
+  const Rigid3 pose = camera_.camera_from_world.inverse() * found->camera_from_object;
+  const size_t aspect = state.tracker.place(pose, spheres_);
+  state.appearance.begin(*found->frame, state.tracker.outline(), aspect);
+}
+
 // Measures an object around its predicted pose and notes what may be learned from the frame.
 void ObjectTracker::Impl::track(State& state, const Frame& frame, const PoseAt& at,
                                 Observation& out) {
@@ -167,7 +187,8 @@ void ObjectTracker::Impl::track(State& state, const Frame& frame, const PoseAt& 
   const ModelTracker::Measurement measured = state.tracker.measure(
       frame, {at.estimate.world_from_object, at.estimate.own_covariance(), ambiguous},
       {fresh_colors ? nullptr : &appearance.colors(),
-       fresh_colors ? nullptr : &appearance.local_colors(), appearance.texture()},
+       fresh_colors ? nullptr : &appearance.local_colors(), appearance.texture(),
+       !fresh_colors && appearance.begun()},
       spheres_, out.terms);
   const bool learned = state.last.learned;
   state.last = measured.result;
@@ -221,6 +242,7 @@ void ObjectTracker::Impl::step(const Frame& frame, std::span<const PoseTrackPtr>
     if (at.source == PoseSource::kNone || !has_pose(at.estimate.state)) continue;
     state.last.learned = learned;
     gather_occluders(object, capture, tracks);
+    begin(state, capture);
     track(state, frame, at, observation);
   }
 }
@@ -267,6 +289,8 @@ void ObjectTracker::step(const Frame& frame, std::span<const PoseTrackPtr> track
                          std::vector<Observation>& out) {
   impl_->step(frame, tracks, out);
 }
+
+void ObjectTracker::note_found(FoundView view) { impl_->note_found(std::move(view)); }
 
 Observation ObjectTracker::propose(const Frame& frame, ObjectId object,
                                    const Rigid3& world_from_object, const Matrix6& covariance) {

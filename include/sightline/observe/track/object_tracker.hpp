@@ -18,6 +18,7 @@
 #include "sightline/observe/shape/viewpoint_model.hpp"
 #include "sightline/observe/terms/line_term.hpp"
 #include "sightline/observe/terms/reprojection_term.hpp"
+#include "sightline/observe/track/found_view.hpp"
 
 namespace sightline {
 
@@ -124,6 +125,11 @@ class ObjectTracker {
   /// Allocates nothing but the terms that it hands out, once warm.
   void step(const Frame& frame, std::span<const PoseTrackPtr> tracks,
             std::vector<Observation>& out);
+
+  /// Says where a search has found an object in this camera: the next step() that has a pose of it
+  /// learns its colors there, unless it knows them. Before its track is tracked, they would have
+  /// to be read where it is predicted, and of what moves that is beside it.
+  void note_found(FoundView view);
 
   /// Measures one object around a proposed pose, with colors as this frame shows them there, and
   /// names that pose as the observation's hypothesis. For detectors: refine with the terms, measure
