@@ -33,7 +33,8 @@ class LearnedAppearance {
   bool certain() const { return known() && !provisional_; }
 
   /// Learns the colors where a search has found it, in place of all that was learned. Until the
-  /// object is tracked they go with those of each frame: the object moves on before others.
+  /// object is tracked they are learned on from each frame, faster than later: what is beside a
+  /// moving object changes.
   void begin(const Frame& frame, const PlacedOutline& outline, size_t aspect);
   /// As begun, and not tracked since.
   bool begun() const { return begun_; }

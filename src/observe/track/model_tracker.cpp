@@ -72,7 +72,8 @@ OutlineAgreement ModelTracker::find_outline(const Look& look, const ColorHistogr
   if (all.seen) {
     all.edge_support = edges_.support(look.frame.gray(), look.prior, outline_, all).share();
   }
-  // What was found may be something else, whose colors fit the more the less they tell.
+  // What was found may be something else: colors that do not tell clearly fit where they were read,
+  // whatever is there.
   if (begun) all.seen = all.seen && all.edge_support >= kHeldEdgeSupport;
   // Of what was held by the colors of its stretches, those as a whole are known not to tell.
   if (held_locally) {
