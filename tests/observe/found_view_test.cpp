@@ -17,7 +17,6 @@ namespace {
 using namespace std::chrono_literals;
 using test::SceneRig;
 using test::SceneRigOptions;
-using test::SceneShot;
 
 constexpr double kDeg = std::numbers::pi / 180;
 
