@@ -37,25 +37,25 @@ TEST(FoundViews, TheNewestOfAnObjectCounts) {
 class FoundFramesTest : public testing::Test {
  protected:
   static void SetUpTestSuite() {
-    installation_ = std::make_unique<Installation>(recording_installation(kBench).value());
-    installation_->objects.front().description.modalities.fiducial = false;
+    installation = std::make_unique<Installation>(recording_installation(kBench).value());
+    installation->objects.front().description.modalities.fiducial = false;
     RigOptions options;
     options.cache.clear();
-    rig_ = std::make_unique<Rig>(load_rig(*installation_, options).value());
+    rig = std::make_unique<Rig>(load_rig(*installation, options).value());
     const auto recording = std::make_shared<const Recording>(open_recording(kBench).value());
-    frames_ = *VirtualReplay::open(recording).value()->next().value();
-    truth_ = read_truth(kBench / "truth.csv").value().front().world_from_object;
+    frames = *VirtualReplay::open(recording).value()->next().value();
+    truth = read_truth(kBench / "truth.csv").value().front().world_from_object;
   }
   static void TearDownTestSuite() {
-    frames_.clear();
-    rig_.reset();
-    installation_.reset();
+    frames.clear();
+    rig.reset();
+    installation.reset();
   }
 
   static const CalibratedCamera& calibration(CameraId camera) {
-    return installation_->cameras.at(camera.index()).calibration;
+    return installation->cameras.at(camera.index()).calibration;
   }
-  static const ViewpointModel& model() { return *rig_->objects.front().views; }
+  static const ViewpointModel& model() { return *rig->objects.front().views; }
 
   static Detection at(const Rigid3& pose, const Frame& frame) {
     Detection found;
@@ -69,22 +69,22 @@ class FoundFramesTest : public testing::Test {
     return found;
   }
 
-  static inline std::unique_ptr<Installation> installation_;
-  static inline std::unique_ptr<Rig> rig_;
-  static inline std::vector<FramePtr> frames_;
-  static inline Rigid3 truth_;
+  static inline std::unique_ptr<Installation> installation;
+  static inline std::unique_ptr<Rig> rig;
+  static inline std::vector<FramePtr> frames;
+  static inline Rigid3 truth;
   std::shared_ptr<FoundViews> views_ = std::make_shared<FoundViews>();
 };
 
 TEST_F(FoundFramesTest, ASearchOffersWhatItFindsInTheCamerasThatShowIt) {
-  const auto search = ObjectSearch::create(*installation_, *rig_).value();
+  const auto search = ObjectSearch::create(*installation, *rig).value();
   search->offer_to(views_);
-  for (const FramePtr& frame : frames_) search->add_frame(frame->info().camera, *frame, {});
-  ASSERT_TRUE(search->hint(ObjectId(0), truth_));
-  const auto found = search->search(frames_.front()->info().capture, {});
+  for (const FramePtr& frame : frames) search->add_frame(frame->info().camera, *frame, {});
+  ASSERT_TRUE(search->hint(ObjectId(0), truth));
+  const auto found = search->search(frames.front()->info().capture, {});
   ASSERT_FALSE(found.empty());
   size_t taken = 0;
-  for (const FramePtr& frame : frames_) {
+  for (const FramePtr& frame : frames) {
     const CameraId camera = frame->info().camera;
     for (const FoundView& view : views_->take(camera)) {
       ++taken;
@@ -94,24 +94,24 @@ TEST_F(FoundFramesTest, ASearchOffersWhatItFindsInTheCamerasThatShowIt) {
       EXPECT_FALSE(view.refutes);
       const Eigen::Vector3d center =
           calibration(camera).world_from_camera * (view.camera_from_object * model().center());
-      EXPECT_LT((center - truth_ * model().center()).norm(), 0.01);
+      EXPECT_LT((center - truth * model().center()).norm(), 0.01);
     }
   }
   EXPECT_EQ(taken, found.size());
 }
 
 TEST_F(FoundFramesTest, NothingIsOfferedWhereTheImagesShowSeveralPoses) {
-  const Frame& frame = *frames_.front();
+  const Frame& frame = *frames.front();
   pipeline::FoundFrames kept(
       std::vector<DetectorCamera>{{frame.info().camera, calibration(frame.info().camera)}}, views_);
   kept.keep(frame.info().camera, frame);
-  Detection found = at(truth_, frame);
-  Rigid3 aside = truth_;
+  Detection found = at(truth, frame);
+  Rigid3 aside = truth;
   aside.translation.x() += model().radius();
   found.poses.push_back({aside});
   kept.offer(found, model(), false);
   EXPECT_TRUE(views_->take(frame.info().camera).empty());
-  found.poses.back().world_from_object = truth_ * Rigid3::exp(Vector6::Constant(0.01));
+  found.poses.back().world_from_object = truth * Rigid3::exp(Vector6::Constant(0.01));
   kept.offer(found, model(), true);
   const auto taken = views_->take(frame.info().camera);
   ASSERT_EQ(taken.size(), 1u) << "all but the same";
@@ -119,10 +119,10 @@ TEST_F(FoundFramesTest, NothingIsOfferedWhereTheImagesShowSeveralPoses) {
 }
 
 TEST_F(FoundFramesTest, OnlyInTheFrameItWasFoundIn) {
-  const Frame& frame = *frames_.front();
+  const Frame& frame = *frames.front();
   const CameraId camera = frame.info().camera;
   pipeline::FoundFrames kept(std::vector<DetectorCamera>{{camera, calibration(camera)}}, views_);
-  Detection found = at(truth_, frame);
+  Detection found = at(truth, frame);
   kept.offer(found, model(), false);
   EXPECT_TRUE(views_->take(camera).empty()) << "no frame yet";
   kept.keep(camera, frame);
@@ -132,23 +132,23 @@ TEST_F(FoundFramesTest, OnlyInTheFrameItWasFoundIn) {
 }
 
 TEST_F(FoundFramesTest, ACameraThatTurnsSeesItFromWhereItStood) {
-  const FrameInfo& shown = frames_.front()->info();
+  const FrameInfo& shown = frames.front()->info();
   auto place = std::make_shared<CameraPlace>();
   place->world_from_camera =
       Rigid3(Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitZ())), {1, 2, 3});
   FrameInfo info = shown;
   info.place = place;
   auto image = std::make_shared<Image>(info.width, info.height);
-  frames_.front()->copy_i420_to(image->mutable_view());
+  frames.front()->copy_i420_to(image->mutable_view());
   const FramePtr frame = Frame::decoded(info, image);
   pipeline::FoundFrames kept(std::vector<DetectorCamera>{{shown.camera, calibration(shown.camera)}},
                              views_);
   kept.keep(shown.camera, *frame);
-  kept.offer(at(truth_, *frame), model(), false);
+  kept.offer(at(truth, *frame), model(), false);
   const auto taken = views_->take(shown.camera);
   ASSERT_EQ(taken.size(), 1u);
   EXPECT_LT(
-      translation_distance(place->world_from_camera * taken.front().camera_from_object, truth_),
+      translation_distance(place->world_from_camera * taken.front().camera_from_object, truth),
       1e-9);
 }
 
