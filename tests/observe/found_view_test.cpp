@@ -150,6 +150,12 @@ TEST_F(FoundViewTest, WhatIsKnownStaysUnlessItIsRefuted) {
   ASSERT_TRUE(step(0, Vector6::Zero()));
   tracker_->note_found(found(0, wall(frame(0))));
   EXPECT_TRUE(step(1, Vector6::Zero())) << "its colors were known";
+  FoundView elsewhere = found(1, wall(frame(1)));
+  elsewhere.refutes = true;
+  elsewhere.camera_from_object = elsewhere.camera_from_object * Rigid3::exp(off_by(90, 0, 0, 0));
+  tracker_->note_found(elsewhere);
+  step(2, Vector6::Zero());
+  EXPECT_FALSE(tracker_->last_result(0).local_colors) << "the pose in force is another still";
   FoundView refutes = found(1, wall(frame(1)));
   refutes.refutes = true;
   tracker_->note_found(refutes);

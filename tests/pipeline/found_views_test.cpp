@@ -4,18 +4,14 @@
 
 #include <gtest/gtest.h>
 
+#include "first_frames.hpp"
 #include "pipeline/search/found_frames.hpp"
 #include "sightline/pipeline/object_search.hpp"
-#include "sightline/record/evaluate.hpp"
-#include "sightline/record/replay.hpp"
 
 namespace sightline {
 namespace {
 
 using namespace std::chrono_literals;
-
-const std::filesystem::path kBench =
-    std::filesystem::path(SIGHTLINE_SOURCE_DIR) / "recordings" / "bench";
 
 TEST(FoundViews, TheNewestOfAnObjectCounts) {
   FoundViews views;
@@ -37,25 +33,14 @@ TEST(FoundViews, TheNewestOfAnObjectCounts) {
 class FoundFramesTest : public testing::Test {
  protected:
   static void SetUpTestSuite() {
-    installation = std::make_unique<Installation>(recording_installation(kBench).value());
-    installation->objects.front().description.modalities.fiducial = false;
-    RigOptions options;
-    options.cache.clear();
-    rig = std::make_unique<Rig>(load_rig(*installation, options).value());
-    const auto recording = std::make_shared<const Recording>(open_recording(kBench).value());
-    frames = *VirtualReplay::open(recording).value()->next().value();
-    truth = read_truth(kBench / "truth.csv").value().front().world_from_object;
+    bench = std::make_unique<test::FirstFrames>(test::first_frames_of_bench());
   }
-  static void TearDownTestSuite() {
-    frames.clear();
-    rig.reset();
-    installation.reset();
-  }
+  static void TearDownTestSuite() { bench.reset(); }
 
   static const CalibratedCamera& calibration(CameraId camera) {
-    return installation->cameras.at(camera.index()).calibration;
+    return bench->installation.cameras.at(camera.index()).calibration;
   }
-  static const ViewpointModel& model() { return *rig->objects.front().views; }
+  static const ViewpointModel& model() { return bench->model(); }
 
   static Detection at(const Rigid3& pose, const Frame& frame) {
     Detection found;
@@ -69,22 +54,19 @@ class FoundFramesTest : public testing::Test {
     return found;
   }
 
-  static inline std::unique_ptr<Installation> installation;
-  static inline std::unique_ptr<Rig> rig;
-  static inline std::vector<FramePtr> frames;
-  static inline Rigid3 truth;
+  static inline std::unique_ptr<test::FirstFrames> bench;
   std::shared_ptr<FoundViews> views_ = std::make_shared<FoundViews>();
 };
 
 TEST_F(FoundFramesTest, ASearchOffersWhatItFindsInTheCamerasThatShowIt) {
-  const auto search = ObjectSearch::create(*installation, *rig).value();
+  const auto search = ObjectSearch::create(bench->installation, bench->rig).value();
   search->offer_to(views_);
-  for (const FramePtr& frame : frames) search->add_frame(frame->info().camera, *frame, {});
-  ASSERT_TRUE(search->hint(ObjectId(0), truth));
-  const auto found = search->search(frames.front()->info().capture, {});
+  for (const FramePtr& frame : bench->frames) search->add_frame(frame->info().camera, *frame, {});
+  ASSERT_TRUE(search->hint(ObjectId(0), bench->truth));
+  const auto found = search->search(bench->frames.front()->info().capture, {});
   ASSERT_FALSE(found.empty());
   size_t taken = 0;
-  for (const FramePtr& frame : frames) {
+  for (const FramePtr& frame : bench->frames) {
     const CameraId camera = frame->info().camera;
     for (const FoundView& view : views_->take(camera)) {
       ++taken;
@@ -94,24 +76,24 @@ TEST_F(FoundFramesTest, ASearchOffersWhatItFindsInTheCamerasThatShowIt) {
       EXPECT_FALSE(view.refutes);
       const Eigen::Vector3d center =
           calibration(camera).world_from_camera * (view.camera_from_object * model().center());
-      EXPECT_LT((center - truth * model().center()).norm(), 0.01);
+      EXPECT_LT((center - bench->truth * model().center()).norm(), 0.01);
     }
   }
   EXPECT_EQ(taken, found.size());
 }
 
 TEST_F(FoundFramesTest, NothingIsOfferedWhereTheImagesShowSeveralPoses) {
-  const Frame& frame = *frames.front();
+  const Frame& frame = *bench->frames.front();
   pipeline::FoundFrames kept(
       std::vector<DetectorCamera>{{frame.info().camera, calibration(frame.info().camera)}}, views_);
   kept.keep(frame.info().camera, frame);
-  Detection found = at(truth, frame);
-  Rigid3 aside = truth;
+  Detection found = at(bench->truth, frame);
+  Rigid3 aside = bench->truth;
   aside.translation.x() += model().radius();
   found.poses.push_back({aside});
   kept.offer(found, model(), false);
   EXPECT_TRUE(views_->take(frame.info().camera).empty());
-  found.poses.back().world_from_object = truth * Rigid3::exp(Vector6::Constant(0.01));
+  found.poses.back().world_from_object = bench->truth * Rigid3::exp(Vector6::Constant(0.01));
   kept.offer(found, model(), true);
   const auto taken = views_->take(frame.info().camera);
   ASSERT_EQ(taken.size(), 1u) << "all but the same";
@@ -119,10 +101,10 @@ TEST_F(FoundFramesTest, NothingIsOfferedWhereTheImagesShowSeveralPoses) {
 }
 
 TEST_F(FoundFramesTest, OnlyInTheFrameItWasFoundIn) {
-  const Frame& frame = *frames.front();
+  const Frame& frame = *bench->frames.front();
   const CameraId camera = frame.info().camera;
   pipeline::FoundFrames kept(std::vector<DetectorCamera>{{camera, calibration(camera)}}, views_);
-  Detection found = at(truth, frame);
+  Detection found = at(bench->truth, frame);
   kept.offer(found, model(), false);
   EXPECT_TRUE(views_->take(camera).empty()) << "no frame yet";
   kept.keep(camera, frame);
@@ -132,24 +114,24 @@ TEST_F(FoundFramesTest, OnlyInTheFrameItWasFoundIn) {
 }
 
 TEST_F(FoundFramesTest, ACameraThatTurnsSeesItFromWhereItStood) {
-  const FrameInfo& shown = frames.front()->info();
+  const FrameInfo& shown = bench->frames.front()->info();
   auto place = std::make_shared<CameraPlace>();
   place->world_from_camera =
       Rigid3(Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitZ())), {1, 2, 3});
   FrameInfo info = shown;
   info.place = place;
   auto image = std::make_shared<Image>(info.width, info.height);
-  frames.front()->copy_i420_to(image->mutable_view());
+  bench->frames.front()->copy_i420_to(image->mutable_view());
   const FramePtr frame = Frame::decoded(info, image);
   pipeline::FoundFrames kept(std::vector<DetectorCamera>{{shown.camera, calibration(shown.camera)}},
                              views_);
   kept.keep(shown.camera, *frame);
-  kept.offer(at(truth, *frame), model(), false);
+  kept.offer(at(bench->truth, *frame), model(), false);
   const auto taken = views_->take(shown.camera);
   ASSERT_EQ(taken.size(), 1u);
-  EXPECT_LT(
-      translation_distance(place->world_from_camera * taken.front().camera_from_object, truth),
-      1e-9);
+  EXPECT_LT(translation_distance(place->world_from_camera * taken.front().camera_from_object,
+                                 bench->truth),
+            1e-9);
 }
 
 }  // namespace

@@ -5,71 +5,55 @@
 
 #include <thread>
 
+#include "first_frames.hpp"
 #include "sightline/pipeline/object_search.hpp"
-#include "sightline/record/evaluate.hpp"
-#include "sightline/record/replay.hpp"
 
 namespace sightline {
 namespace {
 
-const std::filesystem::path kBench =
-    std::filesystem::path(SIGHTLINE_SOURCE_DIR) / "recordings" / "bench";
 const ObjectId kCarton(0);
 
 // The first frames of `bench`, without the markers on the carton.
 class SearchHintTest : public testing::Test {
  protected:
   static void SetUpTestSuite() {
-    installation_ = std::make_unique<Installation>(recording_installation(kBench).value());
-    installation_->objects.front().description.modalities.fiducial = false;
-    RigOptions options;
-    options.cache.clear();
-    rig_ = std::make_unique<Rig>(load_rig(*installation_, options).value());
-    const auto recording = std::make_shared<const Recording>(open_recording(kBench).value());
-    frames_ = *VirtualReplay::open(recording).value()->next().value();
-    const auto truth = read_truth(kBench / "truth.csv").value();
-    truth_ = truth.front().world_from_object;
-    center_ = rig_->objects.front().views->center();
+    bench = std::make_unique<test::FirstFrames>(test::first_frames_of_bench());
+    center = bench->model().center();
   }
-  static void TearDownTestSuite() {
-    frames_.clear();
-    rig_.reset();
-    installation_.reset();
+  static void TearDownTestSuite() { bench.reset(); }
+
+  SearchHintTest() : search_(ObjectSearch::create(bench->installation, bench->rig).value()) {
+    for (const FramePtr& frame : bench->frames)
+      search_->add_frame(frame->info().camera, *frame, {});
   }
 
-  SearchHintTest() : search_(ObjectSearch::create(*installation_, *rig_).value()) {
-    for (const FramePtr& frame : frames_) search_->add_frame(frame->info().camera, *frame, {});
-  }
-
-  static Time now() { return frames_.front()->info().capture; }
+  static Time now() { return bench->frames.front()->info().capture; }
   std::vector<Observation> look() { return search_->search(now(), {}); }
 
   // Every pose that is claimed is where the carton is, up to what its shape cannot tell apart.
   static void expect_right(const std::vector<Observation>& found) {
     for (const Observation& observation : found) {
       for (const PoseHypothesis& pose : observation.hypotheses) {
-        EXPECT_LT((pose.world_from_object * center_ - truth_ * center_).norm(), 0.02);
+        EXPECT_LT((pose.world_from_object * center - bench->truth * center).norm(), 0.02);
       }
     }
   }
   static Rigid3 moved(const Eigen::Vector3d& by) {
-    Rigid3 pose = truth_;
+    Rigid3 pose = bench->truth;
     pose.translation += by;
     return pose;
   }
   static ImageHint in_left(const Eigen::Vector2d& off = Eigen::Vector2d::Zero()) {
-    const CalibratedCamera& left = installation_->cameras[0].calibration;
+    const CalibratedCamera& left = bench->installation.cameras[0].calibration;
     ImageHint hint;
     hint.camera = CameraId(0);
-    hint.pixel = *left.model.project(left.world_from_camera.inverse() * (truth_ * center_)) + off;
+    hint.pixel =
+        *left.model.project(left.world_from_camera.inverse() * (bench->truth * center)) + off;
     return hint;
   }
 
-  static inline std::unique_ptr<Installation> installation_;
-  static inline std::unique_ptr<Rig> rig_;
-  static inline std::vector<FramePtr> frames_;
-  static inline Rigid3 truth_;
-  static inline Eigen::Vector3d center_ = Eigen::Vector3d::Zero();
+  static inline std::unique_ptr<test::FirstFrames> bench;
+  static inline Eigen::Vector3d center = Eigen::Vector3d::Zero();
   std::unique_ptr<ObjectSearch> search_;
 };
 
@@ -82,10 +66,10 @@ TEST_F(SearchHintTest, APoseThatIsAboutRightIsEnough) {
 }
 
 TEST_F(SearchHintTest, TheInstallationMaySayWhereItStarts) {
-  Installation installation = *installation_;
+  Installation installation = bench->installation;
   installation.objects.front().start = moved({-0.01, 0.005, 0.01});
-  const auto search = ObjectSearch::create(installation, *rig_).value();
-  for (const FramePtr& frame : frames_) search->add_frame(frame->info().camera, *frame, {});
+  const auto search = ObjectSearch::create(installation, bench->rig).value();
+  for (const FramePtr& frame : bench->frames) search->add_frame(frame->info().camera, *frame, {});
   const auto found = search->search(now(), {});
   EXPECT_FALSE(found.empty());
   expect_right(found);
@@ -95,8 +79,8 @@ TEST_F(SearchHintTest, TheInstallationMaySayWhereItStarts) {
 TEST_F(SearchHintTest, APlaceInAnImageIsLookedAtBeforeAllOthers) {
   look();
   const uint64_t everywhere = search_->work().places;
-  const auto told = ObjectSearch::create(*installation_, *rig_).value();
-  for (const FramePtr& frame : frames_) told->add_frame(frame->info().camera, *frame, {});
+  const auto told = ObjectSearch::create(bench->installation, bench->rig).value();
+  for (const FramePtr& frame : bench->frames) told->add_frame(frame->info().camera, *frame, {});
   ASSERT_TRUE(told->hint(kCarton, in_left({12, -8})));
   const auto found = told->search(now(), {});
   EXPECT_FALSE(found.empty());
@@ -107,8 +91,8 @@ TEST_F(SearchHintTest, APlaceInAnImageIsLookedAtBeforeAllOthers) {
 TEST_F(SearchHintTest, AWrongPoseIsNotBelieved) {
   for (const Eigen::Vector3d& by :
        {Eigen::Vector3d(0.3, 0, 0), Eigen::Vector3d(0, 0.25, 0), Eigen::Vector3d(0, 0, -0.2)}) {
-    const auto search = ObjectSearch::create(*installation_, *rig_).value();
-    for (const FramePtr& frame : frames_) search->add_frame(frame->info().camera, *frame, {});
+    const auto search = ObjectSearch::create(bench->installation, bench->rig).value();
+    for (const FramePtr& frame : bench->frames) search->add_frame(frame->info().camera, *frame, {});
     ASSERT_TRUE(search->hint(kCarton, moved(by)));
     expect_right(search->search(now(), {}));
     EXPECT_GT(search->work().places, 0u) << "it was looked for elsewhere, too";
@@ -117,8 +101,8 @@ TEST_F(SearchHintTest, AWrongPoseIsNotBelieved) {
 
 TEST_F(SearchHintTest, AWrongPlaceIsNotBelieved) {
   for (const Eigen::Vector2d& pixel : {Eigen::Vector2d(40, 40), Eigen::Vector2d(600, 440)}) {
-    const auto search = ObjectSearch::create(*installation_, *rig_).value();
-    for (const FramePtr& frame : frames_) search->add_frame(frame->info().camera, *frame, {});
+    const auto search = ObjectSearch::create(bench->installation, bench->rig).value();
+    for (const FramePtr& frame : bench->frames) search->add_frame(frame->info().camera, *frame, {});
     ImageHint hint;
     hint.camera = CameraId(0);
     hint.pixel = pixel;
@@ -128,12 +112,12 @@ TEST_F(SearchHintTest, AWrongPlaceIsNotBelieved) {
 }
 
 TEST_F(SearchHintTest, WhatIsTooOldOrForgottenCountsNoMore) {
-  ASSERT_TRUE(search_->hint(kCarton, truth_, now() - std::chrono::seconds(1)));
+  ASSERT_TRUE(search_->hint(kCarton, bench->truth, now() - std::chrono::seconds(1)));
   look();
   EXPECT_GT(search_->work().places, 0u);
-  const auto other = ObjectSearch::create(*installation_, *rig_).value();
-  for (const FramePtr& frame : frames_) other->add_frame(frame->info().camera, *frame, {});
-  other->hint(kCarton, truth_);
+  const auto other = ObjectSearch::create(bench->installation, bench->rig).value();
+  for (const FramePtr& frame : bench->frames) other->add_frame(frame->info().camera, *frame, {});
+  other->hint(kCarton, bench->truth);
   other->forget(kCarton);
   other->search(now(), {});
   EXPECT_GT(other->work().places, 0u);
@@ -142,15 +126,15 @@ TEST_F(SearchHintTest, WhatIsTooOldOrForgottenCountsNoMore) {
 TEST_F(SearchHintTest, ComesFromAnyThread) {
   std::jthread talker([&] {
     for (int i = 0; i < 1000; ++i) {
-      search_->hint(kCarton, truth_);
+      search_->hint(kCarton, bench->truth);
       if (i % 3 == 0) search_->forget(kCarton);
-      EXPECT_FALSE(search_->hint(ObjectId(7), truth_)) << "no such object";
+      EXPECT_FALSE(search_->hint(ObjectId(7), bench->truth)) << "no such object";
     }
-    search_->hint(kCarton, truth_);
+    search_->hint(kCarton, bench->truth);
   });
   expect_right(look());
   talker.join();
-  search_->hint(kCarton, truth_);
+  search_->hint(kCarton, bench->truth);
   EXPECT_FALSE(search_->search(now() + std::chrono::seconds(1), {}).empty());
 }
 

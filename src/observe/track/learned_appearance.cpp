@@ -24,19 +24,21 @@ LearnedAppearance::LearnedAppearance(const TrackerCamera& camera, CameraId id,
   }
 }
 
-void LearnedAppearance::begin(const Frame& frame, const PlacedOutline& outline, size_t aspect) {
+void LearnedAppearance::initialize(const Frame& frame, const PlacedOutline& outline,
+                                   size_t aspect) {
   forget();
   collect_colors(ColorReader(frame.i420()), outline.lines(), tuning::kLearnGapPx,
                  tuning::kLearnReachPx, pending_.foreground, pending_.background);
   pending_.any = false;  // their place was taken
-  provisional_ = begun_ = colors_.learn(aspect, pending_.foreground, pending_.background, 1.0f);
+  provisional_ = from_detection_ =
+      colors_.learn(aspect, pending_.foreground, pending_.background, 1.0f);
 }
 
 void LearnedAppearance::forget() {
   colors_.forget();
   local_colors_.forget();
   if (texture_) texture_->forget();
-  provisional_ = begun_ = false;
+  provisional_ = from_detection_ = false;
 }
 
 bool LearnedAppearance::learn_pending(const PoseTrack& track, const PlacedOutline& outline) {
@@ -53,7 +55,7 @@ bool LearnedAppearance::learn_pending(const PoseTrack& track, const PlacedOutlin
       estimate.state == TrackState::kDegraded && estimate.degraded_reasons == kAmbiguous;
   // What is certain must not be mixed with what may be of a symmetric pose.
   const bool tracked = estimate.state == TrackState::kTracking;
-  const bool follows = begun_ && has_pose(estimate.state);
+  const bool follows = from_detection_ && has_pose(estimate.state);
   const bool allowed = tracked || follows || (ambiguous && (provisional_ || !known()));
   if (at.source != PoseSource::kEstimated || !allowed || !counted ||
       outline.distance_to(estimate.world_from_object) > options.learn_distance_px) {
@@ -61,7 +63,7 @@ bool LearnedAppearance::learn_pending(const PoseTrack& track, const PlacedOutlin
     return false;
   }
   provisional_ |= ambiguous;
-  begun_ &= !tracked;
+  from_detection_ &= !tracked;
   // Points of texture stay where the pose puts them: it has to be known.
   if (texture_ && estimate.own_sigma_rotation() < options.texture_pose.rotation &&
       estimate.own_sigma_translation() < options.texture_pose.translation) {
@@ -76,7 +78,7 @@ bool LearnedAppearance::learn_pending(const PoseTrack& track, const PlacedOutlin
   } else if (pending_.clear && local_colors_.known()) {
     local_colors_.forget();
   }
-  const double rate = begun_ ? tuning::kBegunRate : options.learning_rate;
+  const double rate = from_detection_ ? tuning::kInitialRate : options.learning_rate;
   return colors_.learn(pending_.aspect, pending_.foreground, pending_.background,
                        static_cast<float>(rate));
 }

@@ -35,9 +35,9 @@ class LearnedAppearance {
   /// Learns the colors where a search has found it, in place of all that was learned. Until the
   /// object is tracked they are learned on from each frame, faster than later: what is beside a
   /// moving object changes.
-  void begin(const Frame& frame, const PlacedOutline& outline, size_t aspect);
-  /// As begun, and not tracked since.
-  bool begun() const { return begun_; }
+  void initialize(const Frame& frame, const PlacedOutline& outline, size_t aspect);
+  /// Whether they are those of where it was found, and it has not been tracked since.
+  bool from_detection() const { return from_detection_; }
 
   /// Keeps what was noted if the track's estimate of that frame allows it. `outline`: as it was
   /// measured then. True if colors were learned.
@@ -78,7 +78,7 @@ class LearnedAppearance {
   LocalColors local_colors_;
   std::unique_ptr<TexturePoints> texture_;
   Pending pending_;
-  bool provisional_ = false, begun_ = false;
+  bool provisional_ = false, from_detection_ = false;
   int missed_ = 0;  ///< frames in a row in which others saw it
 };
 

@@ -61,7 +61,7 @@ OutlineAgreement ModelTracker::judge_locally(const Look& look, double spread_px,
 }
 
 OutlineAgreement ModelTracker::find_outline(const Look& look, const ColorHistograms* known,
-                                            const LocalColors* known_local, bool begun) {
+                                            const LocalColors* known_local, bool from_detection) {
   const bool held_locally = known_local != nullptr && known_local->known();
   if (held_locally) {
     const OutlineAgreement local = by_local_colors(look, known_local);
@@ -74,7 +74,7 @@ OutlineAgreement ModelTracker::find_outline(const Look& look, const ColorHistogr
   }
   // What was found may be something else: colors that do not tell clearly fit where they were read,
   // whatever is there.
-  if (begun) all.seen = all.seen && all.edge_support >= kHeldEdgeSupport;
+  if (from_detection) all.seen = all.seen && all.edge_support >= kHeldEdgeSupport;
   // Of what was held by the colors of its stretches, those as a whole are known not to tell.
   if (held_locally) {
     all.seen = all.seen && all.edge_support >= kHeldEdgeSupport;
@@ -125,7 +125,7 @@ ModelTracker::Measurement ModelTracker::measure(const Frame& frame, const Predic
   const ColorHistograms* known =
       learned.colors != nullptr ? learned.colors->of_aspect(out.aspect) : nullptr;
   const OutlineAgreement agreement =
-      find_outline({frame, prior, spread_px}, known, learned.local, learned.begun);
+      find_outline({frame, prior, spread_px}, known, learned.local, learned.from_detection);
   result.lines_total = static_cast<int>(outline_.lines().size());
   result.lines_used = agreement.lines_used;
   result.evidence = agreement.evidence;

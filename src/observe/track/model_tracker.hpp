@@ -41,12 +41,12 @@ class ModelTracker {
     const Appearance* colors = nullptr;
     const LocalColors* local = nullptr;
     TexturePoints* texture = nullptr;
-    bool begun = false;  ///< the colors are those of where a search has found it
+    bool from_detection = false;  ///< the colors are those of where a search has found it
   };
   Measurement measure(const Frame& frame, const Prediction& prediction, const Learned& learned,
                       std::span<const OccludingSphere> spheres, std::vector<PoseTermPtr>& terms);
 
-  /// Places the outline at a pose, for begin(); its aspect.
+  /// Places the outline at a pose, without measuring; the viewing aspect there.
   size_t place(const Rigid3& world_from_object, std::span<const OccludingSphere> spheres);
   /// As the last measure() left it: placed at the fitted pose, lines that do not agree not
   /// measured.
@@ -61,7 +61,7 @@ class ModelTracker {
   };
   size_t aspect() const;
   OutlineAgreement find_outline(const Look& look, const ColorHistograms* known,
-                                const LocalColors* known_local, bool begun);
+                                const LocalColors* known_local, bool from_detection);
   OutlineAgreement by_all_colors(const Look& look, const ColorHistograms* known);
   OutlineAgreement by_local_colors(const Look& look, const LocalColors* known);
   /// From where the outline is placed, off by about `spread_px`.

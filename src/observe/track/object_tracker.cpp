@@ -112,7 +112,8 @@ class ObjectTracker::Impl {
     return frame.info().status == FrameStatus::kGood && frame.info().width == model.width() &&
            frame.info().height == model.height();
   }
-  void begin(State& state, Time now);
+  /// Appearance from where a search has found the object, if that is asked for.
+  void initialize(State& state, const PoseAt& at, Time now);
   void gather_occluders(ObjectId object, Time time, std::span<const PoseTrackPtr> tracks);
   static void check_picture(State& state, const Frame& frame, const Rigid3& pose, Observation& out);
   void track(State& state, const Frame& frame, const PoseAt& at, Observation& out);
@@ -164,13 +165,20 @@ void ObjectTracker::Impl::note_found(FoundView view) {
   states_[static_cast<size_t>(at - ids_.begin())]->found = std::move(view);
 }
 
-void ObjectTracker::Impl::begin(State& state, Time now) {
-  const std::optional<FoundView> found = std::exchange(state.found, std::nullopt);
-  if (!found || now - found->frame->info().capture > kFoundForMost) return;
-  if (state.appearance.known() && !found->refutes) return;
-  const Rigid3 pose = camera_.camera_from_world.inverse() * found->camera_from_object;
-  const size_t aspect = state.tracker.place(pose, spheres_);
-  state.appearance.begin(*found->frame, state.tracker.outline(), aspect);
+void ObjectTracker::Impl::initialize(State& state, const PoseAt& at, Time now) {
+  if (!state.found) return;
+  const FoundView& found = *state.found;
+  const bool recent = now - found.frame->info().capture <= kFoundForMost;
+  if (recent && (found.refutes || !state.appearance.known())) {
+    const Rigid3 pose = camera_.camera_from_world.inverse() * found.camera_from_object;
+    const Rigid3& in_force = at.estimate.world_from_object;
+    const double turn = state.object.views->angle_up_to_symmetry(pose, in_force);
+    // What it refutes is in force until the estimator has heard of it.
+    if (found.refutes && turn > observe::tuning::kSymmetricJump) return;
+    const size_t aspect = state.tracker.place(pose, spheres_);
+    state.appearance.initialize(*found.frame, state.tracker.outline(), aspect);
+  }
+  state.found.reset();
 }
 
 // Measures an object around its predicted pose and notes what may be learned from the frame.
@@ -188,7 +196,7 @@ void ObjectTracker::Impl::track(State& state, const Frame& frame, const PoseAt& 
       frame, {at.estimate.world_from_object, at.estimate.own_covariance(), ambiguous},
       {fresh_colors ? nullptr : &appearance.colors(),
        fresh_colors ? nullptr : &appearance.local_colors(), appearance.texture(),
-       !fresh_colors && appearance.begun()},
+       !fresh_colors && appearance.from_detection()},
       spheres_, out.terms);
   const bool learned = state.last.learned;
   state.last = measured.result;
@@ -242,7 +250,7 @@ void ObjectTracker::Impl::step(const Frame& frame, std::span<const PoseTrackPtr>
     if (at.source == PoseSource::kNone || !has_pose(at.estimate.state)) continue;
     state.last.learned = learned;
     gather_occluders(object, capture, tracks);
-    begin(state, capture);
+    initialize(state, at, capture);
     track(state, frame, at, observation);
   }
 }

@@ -31,7 +31,7 @@ constexpr double kOccluderMarginPx = 3;
 constexpr double kLearnGapPx = 1.5;   // next to the outline that is left out
 constexpr double kMaxLearnGapPx = 6;  // ... while the outline is uncertain
 constexpr double kLearnReachPx = 16;  // of either side
-constexpr double kBegunRate = 0.3;    // per frame, from where it was found until it is tracked
+constexpr double kInitialRate = 0.3;  // per frame, from where it was found until it is tracked
 constexpr int kBlindFrames = 5;       // in a row that a camera misses what the others see, after
                                       // which its colors count as no longer true
 
