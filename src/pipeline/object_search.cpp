@@ -181,7 +181,8 @@ void ObjectSearch::add_frame(CameraId camera, const Frame& frame,
   const bool missing_any = std::any_of(targets_.begin(), targets_.end(), [&](const Target& target) {
     return missing(target, capture, tracks);
   });
-  if (found_frames_) found_frames_->keep(camera, frame);
+  const bool searched = missing_any || due(capture, tracks);
+  if (found_frames_ && searched) found_frames_->keep(camera, frame);
   if (missing_any && background != nullptr) find_known(capture, tracks, false);
   const bool is_known =
       missing_any && background != nullptr && background->foreground(frame, known_, foreground_);
