@@ -26,7 +26,7 @@ class Control {
   bool open(std::string& error);
   std::array<int, 3> sockets() const;
   /// Answers what waits at the sockets.
-  void run(int64_t now_ns);
+  void run();
   /// Takes control away from a client that has been silent for too long.
   void check_heartbeat(int64_t now_ns);
   /// As if the camera had restarted.

@@ -160,8 +160,8 @@ void serve(Camera& camera, Streamer& streamer, Control& control, const Commands&
   (void)::fcntl(STDIN_FILENO, F_SETFL, ::fcntl(STDIN_FILENO, F_GETFL) | O_NONBLOCK);
   bool streaming = false;
   while (g_stop == 0) {
+    control.run();
     const int64_t now = host_now_ns();
-    control.run(now);
     if (input) read_commands(commands, unread, input);
     control.check_heartbeat(now);
     camera.run(now);

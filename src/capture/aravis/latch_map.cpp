@@ -116,9 +116,26 @@ void LatchMap::fit() {
   }
   const double deviation = std::sqrt(squares / summed);
   scatter_ns_ = n > 1 ? kScatterQuantile * deviation : 0;
-  slope_error_ =
-      known ? std::min(kMaxRateError, 2 * (median(widths, n) + deviation) / to_double(span))
-            : kMaxRateError;
+  slope_error_ = known ? slope_error(deviation) : kMaxRateError;
+}
+
+// Any two latches bound the rate by their widths over the time between them: the truth is no
+// farther from the line's than the closest such bound says. What a share of the widths would say
+// instead fails on a busy machine, where a few latches are narrow and the others wide to one side.
+double LatchMap::slope_error(double deviation) const {
+  double least = kMaxRateError;
+  for (size_t a = 0; a < count_; ++a) {
+    for (size_t b = a + 1; b < count_; ++b) {
+      const Sample& first = sample(a);
+      const Sample& second = sample(b);
+      const double step = to_double(second.device_ns - first.device_ns);
+      if (step <= 0) continue;
+      const double slope = to_double(second.offset_ns - first.offset_ns) / step;
+      const double reach = to_double(first.half_ns + second.half_ns) + 2 * deviation;
+      least = std::min(least, std::abs(slope - slope_) + reach / step);
+    }
+  }
+  return least;
 }
 
 double LatchMap::line_at(int64_t device_ns) const {

@@ -51,6 +51,7 @@ class LatchMap {
   bool contradicts(const Sample& sample) const;
   void choose_good();
   void fit();
+  double slope_error(double deviation) const;
   double residual_of(const Sample& sample) const;
   double line_at(int64_t device_ns) const;  ///< offset less that of the anchor
   const Sample& sample(size_t i) const { return samples_[(first_ + i) % kKept]; }
