@@ -177,60 +177,99 @@ WeakPerspectivePose template_pose(const ScanHit& hit, const ScanRange& range) {
   return pose;
 }
 
+namespace {
+
+constexpr int kColumnStep = ResponseMaps::kColumnStep;
+
+// One template at a time, over all places.
+class TemplateScan {
+ public:
+  TemplateScan(const ResponseMaps& maps, const ScanRange& range)
+      : maps_(maps),
+        range_(range),
+        sums_(static_cast<size_t>(maps.stride() / kColumnStep) + 64),
+        hits_(range.max) {}
+
+  void place(const ViewFeatures& f, float angle, float scale) {
+    const auto reach = static_cast<float>(maps_.margin());
+    const float c = std::cos(angle) * scale, s = std::sin(angle) * scale;
+    for (size_t i = 0; i < f.count; ++i) {
+      const float x = std::clamp(c * f.x[i] - s * f.y[i], -reach, reach);
+      const float y = std::clamp(s * f.x[i] + c * f.y[i], -reach, reach);
+      features_[i] =
+          maps_.place(angle_bin(f.angle[i] + angle), static_cast<int>(std::floor(x + 0.5f)),
+                      static_cast<int>(std::floor(y + 0.5f)));
+    }
+    count_ = f.count;
+  }
+
+  void scan(const ScanHit& at) {
+    ptrdiff_t before = 0;
+    for (int y = 0; y < maps_.height(); y += kScanRowStep) {
+      const auto [left, end] =
+          range_.rows.empty() ? std::array{0, maps_.width()} : range_.rows[static_cast<size_t>(y)];
+      const int first = left / kColumnStep;
+      const int columns = std::max(0, (end - kColumnStep * first + kColumnStep - 1) / kColumnStep);
+      const ptrdiff_t offset = y * maps_.stride() + first;
+      for (size_t i = 0; i < count_; ++i) features_[i] += offset - before;
+      before = offset;
+      places_ += static_cast<uint64_t>(columns);
+      if (columns > 0) scan_row(at, first, columns, y);
+    }
+  }
+
+  uint64_t places() const { return places_; }
+  std::vector<ScanHit> take() const {
+    std::vector<ScanHit> best = hits_.take();
+    if (best.size() > range_.max) best.resize(range_.max);
+    return best;
+  }
+
+ private:
+  void scan_row(const ScanHit& at, int first, int columns, int y) {
+    const uint8_t threshold = hits_.threshold();
+    if (!sum_features({features_.data(), count_}, columns, threshold, sums_.data())) return;
+    const auto end = static_cast<size_t>(columns);
+    for (size_t x = next_reaching(sums_, 0, end, threshold); x < end;
+         x = next_reaching(sums_, x + 1, end, threshold)) {
+      const uint8_t sum = sums_[x];
+      // Of a plateau its first place.
+      if ((x > 0 && sums_[x - 1] >= sum) || (x + 1 < end && sums_[x + 1] > sum)) continue;
+      ScanHit hit = at;
+      hit.score = sum;
+      hit.x = static_cast<int16_t>(kColumnStep * (first + static_cast<int>(x)));
+      hit.y = static_cast<int16_t>(y);
+      hits_.add(hit);
+    }
+  }
+
+  const ResponseMaps& maps_;
+  const ScanRange& range_;
+  std::array<const uint8_t*, ViewFeatures::kMax> features_{};  // of the row that is scanned
+  size_t count_ = 0;
+  std::vector<uint8_t> sums_;
+  HitList hits_;
+  uint64_t places_ = 0;
+};
+
+}  // namespace
+
 std::vector<ScanHit> scan(const TemplateBank& bank, const ResponseMaps& maps,
                           const ScanRange& range) {
-  HitList hits(range.max);
-  std::vector<uint8_t> sums(static_cast<size_t>(maps.stride()) + 64);
-  std::vector<ptrdiff_t> offsets;
-  std::array<const uint8_t*, ViewFeatures::kMax> rows{};
+  TemplateScan scan(maps, range);
   const size_t views = std::min(range.views, bank.model().size());
-  uint64_t places = 0;
-  const auto reach = static_cast<float>(maps.margin());
   for (size_t scale = 0; scale < range.scales.size(); ++scale) {
     for (size_t view = 0; view < views; ++view) {
-      const ViewFeatures& f = bank.features(view);
       for (int turn = 0; turn < range.turns; ++turn) {
         const auto angle = static_cast<float>(2 * std::numbers::pi * turn / range.turns);
-        const float c = std::cos(angle) * range.scales[scale];
-        const float s = std::sin(angle) * range.scales[scale];
-        for (size_t i = 0; i < f.count; ++i) {
-          const float x = std::clamp(c * f.x[i] - s * f.y[i], -reach, reach);
-          const float y = std::clamp(s * f.x[i] + c * f.y[i], -reach, reach);
-          rows[i] = maps.origin(angle_bin(f.angle[i] + angle)) +
-                    static_cast<int>(std::floor(y + 0.5f)) * maps.stride() +
-                    static_cast<int>(std::floor(x + 0.5f));
-        }
-        const std::span features(rows.data(), f.count);
-        int begin = 0;
-        for (int y = 0; y < maps.height(); y += kScanRowStep) {
-          const auto [first, end] =
-              range.rows.empty() ? std::array{0, maps.width()} : range.rows[static_cast<size_t>(y)];
-          const uint8_t threshold = hits.threshold();
-          for (size_t i = 0; i < f.count; ++i) rows[i] += first - begin;
-          begin = first;
-          const int columns = end - first;
-          places += static_cast<uint64_t>(std::max(0, columns));
-          if (columns > 0 && sum_features(features, columns, threshold, sums.data())) {
-            for (int x = 0; x < columns; ++x) {
-              const uint8_t sum = sums[static_cast<size_t>(x)];
-              // Of a plateau its first place.
-              if (sum < threshold || (x > 0 && sums[static_cast<size_t>(x) - 1] >= sum) ||
-                  (x + 1 < columns && sums[static_cast<size_t>(x) + 1] > sum))
-                continue;
-              hits.add({sum, static_cast<uint16_t>(view), static_cast<uint16_t>(turn),
-                        static_cast<uint16_t>(scale), static_cast<int16_t>(first + x),
-                        static_cast<int16_t>(y)});
-            }
-          }
-          for (size_t i = 0; i < f.count; ++i) rows[i] += kScanRowStep * maps.stride();
-        }
+        scan.place(bank.features(view), angle, range.scales[scale]);
+        scan.scan({0, static_cast<uint16_t>(view), static_cast<uint16_t>(turn),
+                   static_cast<uint16_t>(scale), 0, 0});
       }
     }
   }
-  bank.work().places += places;
-  std::vector<ScanHit> best = hits.take();
-  if (best.size() > range.max) best.resize(range.max);
-  return best;
+  bank.work().places += scan.places();
+  return scan.take();
 }
 
 }  // namespace sightline::observe

@@ -166,6 +166,26 @@ TEST(PoseScan, HitsTheObjectInOneCamera) {
   EXPECT_TRUE(hit);
 }
 
+// The scan reads every other column in one go; one pose at a time is looked up by itself.
+TEST(PoseScan, ScoresWhatThePoseHasByItself) {
+  DetectorFrames frames = scene().frames();
+  frames.compute_responses(scene().distances.map_margin, DetectorFrames::Edges::kBorders);
+  const PoseScan scan(scene().bank, scene().distances, 1200);
+  const ScanResult found = scan.scan(frames, 0, DetectorFrames::Where::kEverywhere);
+  ASSERT_GT(found.hits.size(), 500u);
+  const SearchCamera& camera = frames.search_cameras()[0];
+  for (size_t i = 0; i < found.hits.size(); i += 7) {
+    const ScanHit& hit = found.hits[i];
+    const WeakPerspectivePose pose = template_pose(hit, found.range);
+    const ResponseMaps& maps =
+        camera.far(static_cast<double>(pose.scale), scene().bank.model().radius());
+    const auto most =
+        static_cast<float>(ResponseMaps::kFullResponse * scene().bank.features(hit.view).count);
+    EXPECT_NEAR(scene().bank.score(pose, maps) * most, hit.score, 0.01) << i;
+    EXPECT_EQ(hit.x % ResponseMaps::kColumnStep, 0);
+  }
+}
+
 TEST(PoseScan, KeepsToColumnsNearTheForeground) {
   constexpr int kWidth = 40, kHeight = 20;
   std::vector<uint8_t> mask(kWidth * kHeight, 0);

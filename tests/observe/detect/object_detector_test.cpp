@@ -260,6 +260,25 @@ TEST(ScanKernel, LeavesOutOnlyWhatCannotReachTheThreshold) {
   EXPECT_GT(reached, 0);
 }
 
+TEST(ScanKernel, FindsEachSumThatReachesTheThreshold) {
+  Random random(6);
+  for (const size_t columns : {1u, 15u, 16u, 17u, 80u, 131u}) {
+    std::vector<uint8_t> sums(columns + 64, 255);  // what lies behind does not count
+    for (size_t i = 0; i < columns; ++i) sums[i] = static_cast<uint8_t>(random.uniform(0, 200));
+    for (const uint8_t threshold : std::array<uint8_t, 4>{1, 100, 190, 220}) {
+      std::vector<size_t> expected, found;
+      for (size_t i = 0; i < columns; ++i) {
+        if (sums[i] >= threshold) expected.push_back(i);
+      }
+      for (size_t i = observe::next_reaching(sums, 0, columns, threshold); i < columns;
+           i = observe::next_reaching(sums, i + 1, columns, threshold)) {
+        found.push_back(i);
+      }
+      EXPECT_EQ(found, expected) << columns;
+    }
+  }
+}
+
 TEST(ScanKernel, IsTheSameWithAndWithoutAvx2) {
 #ifdef SIGHTLINE_X86_64
   if (!cpu_has_avx2()) GTEST_SKIP() << "this processor has no AVX2";

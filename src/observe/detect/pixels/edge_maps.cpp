@@ -181,24 +181,28 @@ void ResponseMaps::compute(const EdgeImage& edges, const std::vector<uint8_t>& b
   const int full_width = edges.width(), full_height = edges.height();
   width_ = full_width / 2;
   height_ = full_height / 2;
-  margin_ = margin;
+  margin_ = margin + margin % kColumnStep;
   // Whole vectors of the scanning kernel may be read past the end of a row.
-  stride_ = (width_ + 2 * margin + 63) / 32 * 32;
+  half_ = ((width_ + 2 * margin_ + 1) / kColumnStep + 63) / 32 * 32;
+  stride_ = kColumnStep * half_;
   spread_out(edges.bins(), full_width, full_height, spread, spread_);
   const bool all = &borders == &edges.bins();
   if (!all) spread_out(borders, full_width, full_height, spread, spread_borders_);
   const std::vector<uint8_t>& spread_borders = all ? spread_ : spread_borders_;
   for (int bin = 0; bin < kEdgeBins; ++bin) {
     auto& map = maps_[static_cast<size_t>(bin)];
-    map.assign(static_cast<size_t>(stride_) * static_cast<size_t>(height_ + 2 * margin) + 64, 0);
+    map.assign(static_cast<size_t>(stride_) * static_cast<size_t>(height_ + 2 * margin_) + 64, 0);
     const auto& table = full_responses[static_cast<size_t>(bin)];
     const auto& within = within_responses[static_cast<size_t>(bin)];
     for (int y = 0; y < height_; ++y) {
       const uint8_t* any = spread_.data() + pixel_index(0, 2 * y, full_width);
       const uint8_t* border = spread_borders.data() + pixel_index(0, 2 * y, full_width);
-      uint8_t* to = map.data() + (margin + y) * stride_ + margin;
-      for (int x = 0; x < width_; ++x) {
-        to[x] = std::max(table[border[2 * x]], within[any[2 * x]]);
+      uint8_t* row = map.data() + (margin_ + y) * stride_;
+      for (int first = 0; first < std::min(kColumnStep, width_); ++first) {
+        uint8_t* to = row + column(first);
+        for (int x = first; x < width_; x += kColumnStep) {
+          *to++ = std::max(table[border[2 * x]], within[any[2 * x]]);
+        }
       }
     }
   }

@@ -56,10 +56,13 @@ class EdgeImage {
 /// How well an edge of each direction is supported near a point, as bytes 0..kFullResponse: edges
 /// are spread over a square (Hinterstoisser et al., LINE-2D, PAMI 2012), and where edges of all
 /// directions abound one more says little. One sample for every 2 x 2 pixels of the half-size
-/// image; a margin of zeros around, so that templates may reach over the border.
+/// image; a margin of zeros around, so that templates may reach over the border. Of a row the even
+/// columns lie side by side, then the odd ones: templates are scanned at every other column, and
+/// each feature's responses are to be read in one go (the same paper, section 2.4).
 class ResponseMaps {
  public:
   static constexpr int kFullResponse = 8;
+  static constexpr int kColumnStep = 2;
 
   /// `borders`: those edges that lie between regions; to the others the response is half.
   /// `spread`: half side of the square [half-size px]; `margin`: [quarter-size px].
@@ -67,24 +70,28 @@ class ResponseMaps {
 
   int width() const { return width_; }  ///< without margins
   int height() const { return height_; }
-  int margin() const { return margin_; }
+  int margin() const { return margin_; }  ///< at least what was asked for; even
   ptrdiff_t stride() const { return stride_; }
-  /// Pixel (0, 0) of a direction's map; the margin lies before it.
-  const uint8_t* origin(int bin) const {
-    return maps_[static_cast<size_t>(bin)].data() + margin_ * stride_ + margin_;
+  /// Of a pixel of a direction's map, margins included; those kColumnStep columns on follow.
+  const uint8_t* place(int bin, int x, int y) const {
+    return maps_[static_cast<size_t>(bin)].data() + (margin_ + y) * stride_ + column(x);
   }
   /// 0 outside.
   int at(int bin, int x, int y) const {
     if (x < 0 || y < 0 || x >= width_ || y >= height_) return 0;
-    return origin(bin)[y * stride_ + x];
+    return *place(bin, x, y);
   }
 
  private:
   void spread_out(const std::vector<uint8_t>& bins, int width, int height, int spread,
                   std::vector<uint8_t>& out);
+  ptrdiff_t column(int x) const {
+    const auto from_left = static_cast<unsigned>(x + margin_);
+    return static_cast<ptrdiff_t>(from_left / kColumnStep) + (from_left % kColumnStep) * half_;
+  }
 
   int width_ = 0, height_ = 0, margin_ = 0;
-  ptrdiff_t stride_ = 0;
+  ptrdiff_t stride_ = 0, half_ = 0;  ///< of a row; of its even columns
   std::vector<uint8_t> spread_, spread_borders_, row_spread_;
   std::array<std::vector<uint8_t>, kEdgeBins> maps_;
 };

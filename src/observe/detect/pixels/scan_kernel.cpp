@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+
 #include "observe/detect/pixels/scan_kernel_body.hpp"
 #include "sightline/base/cpu.hpp"
 
@@ -17,6 +19,18 @@ bool sum_features(std::span<const uint8_t* const> features, int columns, uint8_t
 #else
   return sum_features_scalar(features, columns, threshold, sums);
 #endif
+}
+
+size_t next_reaching(std::span<const uint8_t> sums, size_t begin, size_t end, uint8_t threshold) {
+  for (; begin < end; begin += kBytes) {
+    const auto block = vectors::load<Bytes>(sums.data() + begin);
+    if (!vectors::any((Bytes)(block >= threshold))) continue;
+    const size_t last = std::min(end, begin + kBytes);
+    for (size_t i = begin; i < last; ++i) {
+      if (sums[i] >= threshold) return i;
+    }
+  }
+  return end;
 }
 
 }  // namespace sightline::observe

@@ -15,6 +15,10 @@ namespace sightline::observe {
 bool sum_features(std::span<const uint8_t* const> features, int columns, uint8_t threshold,
                   uint8_t* sums);
 
+/// First of the columns from `begin` on, below `end`, whose sum is at least `threshold`; `end`:
+/// none. Reads up to a multiple of 32 columns past `begin`.
+size_t next_reaching(std::span<const uint8_t> sums, size_t begin, size_t end, uint8_t threshold);
+
 bool sum_features_scalar(std::span<const uint8_t* const> features, int columns, uint8_t threshold,
                          uint8_t* sums);
 bool sum_features_avx2(std::span<const uint8_t* const> features, int columns, uint8_t threshold,
