@@ -100,7 +100,8 @@ Status ObjectSearch::add_target(const Installation& installation, const RigObjec
 }
 
 bool ObjectSearch::due(const Target& target, Time now, std::span<const PoseTrackPtr> tracks) const {
-  return !(target.searched && now - target.last < target.pause) && missing(target, now, tracks);
+  const bool paused = target.searched && now - target.last < target.pause;
+  return (!paused || target.detector->waits()) && missing(target, now, tracks);
 }
 
 bool ObjectSearch::missing(const Target& target, Time now, std::span<const PoseTrackPtr> tracks) {
@@ -242,6 +243,10 @@ Detection ObjectSearch::by_features(Target& target, PoseProposals proposals) {
 }
 
 Detection ObjectSearch::look_everywhere(Target& target) {
+  if (target.detector->waits()) {
+    return target.policy.by_outline(target.detector->look_again(target.colors.get()),
+                                    target.colors.get());
+  }
   if (target.features) {  // texture says more than an outline, and sooner
     feature_work_.textures += cameras_.size();
     Detection found = by_features(target, target.features->propose());
@@ -258,6 +263,10 @@ std::vector<Observation> ObjectSearch::search(Time now, std::span<const PoseTrac
   for (Target& target : targets_) {
     target.found = {};
     if (!due(target, now, tracks)) continue;
+    if (target.detector->waits()) {  // soon it is elsewhere
+      next = &target;
+      break;
+    }
     const auto waits_since = [](const Target& t) { return t.searched ? t.last : Time::min(); };
     if (next == nullptr || waits_since(target) < waits_since(*next)) next = &target;
   }

@@ -175,10 +175,29 @@ std::vector<ContourPose> ContourSearch::fit(const DetectorFrames& frames,
   return fits;
 }
 
+std::vector<RigMotion> ContourSearch::best_turned(const DetectorFrames& frames,
+                                                  const RigMotion& motion) const {
+  std::vector<RigMotion> turned = fitter_.turned(motion);
+  std::vector<double> ranks(turned.size());
+  executor_(turned.size(), [&](size_t i) {
+    PoseFit here = fitter_.lines(frames.fit_cameras(), turned[i], kScreenedStep);
+    ranks[i] = scored(frames, std::move(here), kScreenedStep).rank;
+  });
+  std::vector<size_t> order(turned.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](size_t a, size_t b) { return ranks[a] > ranks[b]; });
+  std::vector<RigMotion> out;
+  for (size_t i = 0; i < std::min(kMaxTurned, order.size()); ++i) out.push_back(turned[order[i]]);
+  return out;
+}
+
 std::vector<ContourPose> ContourSearch::compare(const DetectorFrames& frames,
                                                 const RigMotion& motion,
                                                 std::span<const RigMotion> others) const {
-  std::vector<ContourPose> fits = fit(frames, others, kSearchReach, kFullFit);
+  std::vector<RigMotion> starts = best_turned(frames, motion);
+  starts.insert(starts.begin(), others.begin(), others.end());
+  std::vector<ContourPose> fits = fit(frames, starts, kSearchReach, kFullFit);
   // As it is, too: a fit may leave it.
   fits.push_back(evaluate(frames, motion));
   for (ContourPose& near : fit(frames, std::span(&motion, 1), kFinalReach, kFullFit)) {
@@ -274,11 +293,12 @@ void ContourSearch::add_variants(const DetectorFrames& frames, std::vector<Conto
 std::vector<ContourPose> ContourSearch::search(const DetectorFrames& frames,
                                                std::vector<JointPose> verified,
                                                const MeshColors* colors,
-                                               DetectionTrace* trace) const {
+                                               DetectionTrace* trace,
+                                               size_t pool) const {
   const double step = 0.25 * bank_.model().radius();
   add_agreement(colors, verified, executor_);
   std::vector<JointPose> poses =
-      best_of_cells(std::move(verified), bank_.model().center(), step, 0.25, kMaxPool);
+      best_of_cells(std::move(verified), bank_.model().center(), step, 0.25, pool);
   note(trace, "pool", poses);
   std::vector<RigMotion> starts;
   for (const JointPose& pose : screened(frames, std::move(poses), colors, trace)) {

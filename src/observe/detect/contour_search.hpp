@@ -45,12 +45,13 @@ class ContourSearch {
   /// Of what PoseVerification::verify() has made of the scan, best first; needs the response maps
   /// of the frames. `trace` null: nobody asks.
   std::vector<ContourPose> search(const DetectorFrames& frames, std::vector<JointPose> verified,
-                                  const MeshColors* colors, DetectionTrace* trace) const;
+                                  const MeshColors* colors, DetectionTrace* trace,
+                                  size_t pool) const;
   /// Poses that are fitted from these starts, and other orientations there. Best first.
   std::vector<ContourPose> fit(const DetectorFrames& frames,
                                std::span<const RigMotion> starts) const;
-  /// A pose as it is and fitted from close by, beside poses that are fitted from other starts, and
-  /// other orientations at the place of the best. Best first.
+  /// A pose as it is and fitted from close by, beside poses that are fitted from other starts and
+  /// from turns of it, and other orientations at the place of the best. Best first.
   std::vector<ContourPose> compare(const DetectorFrames& frames, const RigMotion& motion,
                                    std::span<const RigMotion> others) const;
   /// The score of a pose as it is.
@@ -65,6 +66,8 @@ class ContourSearch {
                                          double known, const MeshColors* colors) const;
   std::vector<ContourPose> fit(const DetectorFrames& frames, std::span<const RigMotion> starts,
                                double reach, const FitEffort& effort) const;
+  /// Of the turns of a motion those that stand out most as they are.
+  std::vector<RigMotion> best_turned(const DetectorFrames& frames, const RigMotion& motion) const;
   std::vector<JointPose> screened(const DetectorFrames& frames, std::vector<JointPose> poses,
                                   const MeshColors* colors, DetectionTrace* trace) const;
   void add_variants(const DetectorFrames& frames, std::vector<ContourPose>& fits,

@@ -94,12 +94,14 @@ constexpr size_t kSectorBins = 16;     // of each channel
 constexpr int kSectorReach = 8;        // [half-size px] samples on either side of the outline
 constexpr int kMinSectorPixels = 8;    // on each side
 constexpr size_t kMaxPool = 500;       // poses that climb
+constexpr size_t kPoolOfPlace = 125;   // about what waits to be found again
 constexpr size_t kMaxScreened = 200;   // of them, that are looked at along the outline
 constexpr size_t kScreenedStep = 4;    // every fourth sample does for that
 constexpr size_t kMaxClimbedOn = 250;  // of them, that climb by smaller steps, too
 constexpr double kForegroundPosterior = 0.6;  // of a pixel that counts as the object's
 constexpr double kMinColorContrast = 0.5;     // inside and outside, of colors that tell the object
 constexpr size_t kMaxReoriented = 8;          // orientations by those pixels that are fitted
+constexpr size_t kMaxTurned = 6;              // turns of a checked pose that are fitted
 constexpr double kMinReoriented = 0.4;        // score of a pose that is worth them
 constexpr double kRestOfSearch = 20;          // weight of the prior that the object rests
 constexpr size_t kMaxReleased = 8;            // poses whose motion is fitted without it in the end
@@ -131,6 +133,7 @@ constexpr double kMinScoreAlone = 0.45, kMaxRivalOfAlone = 0.3;
 // when a second search finds the same, as far as it can have moved at these speeds [m/s, rad/s].
 constexpr double kClearContourScore = 0.7, kClearContourMargin = 0.2;
 constexpr double kWeakSpeed = 1.0, kWeakTurnRate = 3.0;
+constexpr double kAgainSpeed = 0.5;  // [m/s] as far as the look about its place goes
 constexpr double kMaxSecondsBetweenWeak = 1.5;
 constexpr double kUnsteadySpeed = 0.25;  // [m/s] off what three of them would move at
 // What moves and its colors do not speak for has to be found so often, with such a rank (sprayer:

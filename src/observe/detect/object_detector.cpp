@@ -50,6 +50,7 @@ class ObjectDetector::Impl {
 
   void add_frame(CameraId camera, const Frame& frame, const ForegroundMap* foreground) {
     frames_.add(camera, frame, foreground);
+    newest_ = std::max(newest_, frame.info().capture);
     forget_told();
   }
 
@@ -115,6 +116,34 @@ class ObjectDetector::Impl {
       out.by_contour = same_place(out, by_contour);
     }
     order_.note(where, !out.poses.empty(), belief_.waiting() != nullptr);
+    looks_again_ = true;
+    forget_told();
+    return out;
+  }
+
+  bool waits() const {
+    return looks_again_ && belief_.waiting() != nullptr && newest_ > belief_.waiting()->time;
+  }
+
+  Detection look_again(const ColorVerifier* colors) {
+    Detection out;
+    if (!waits()) return out;
+    looks_again_ = false;
+    const Detection before = *belief_.waiting();
+    const Where where = order_.next(frames_, &before, false);
+    if (!frames_.select(where)) return out;
+    frames_.compute_responses(distances_.map_margin, DetectorFrames::Edges::kBorders);
+    const auto about = place_to_scan(before, where);
+    if (!about) return out;
+    out.time = frames_.info(about->camera).capture;
+    frames_.set_reference(out.time);
+    const auto mesh_colors = colors_of(colors);
+    std::vector<ContourPose> contours = search_contours(
+        scan_.scan_about(frames_, about->camera, about->pixel, about->radius_px), mesh_colors.get(),
+        kPoolOfPlace);
+    if (colors != nullptr) weigh_by_colors(*colors, out.time, kLeastColors, contours);
+    out = belief_.believe_again(frames_, contours, where, out.time, colors);
+    if (!out.poses.empty()) order_.note(where, true, false);
     forget_told();
     return out;
   }
@@ -130,7 +159,7 @@ class ObjectDetector::Impl {
     const auto mesh_colors = colors_of(colors);
     const ScanResult hits = scan_.scan(frames_, scanned, where, mesh_colors.get());
     note_hits(hits, trace);
-    contours_.search(frames_, verification_.by_edges(frames_, hits), mesh_colors.get(), &trace);
+    contours_.search(frames_, verification_.by_edges(frames_, hits), mesh_colors.get(), &trace, kMaxPool);
   }
 
   PoseAssessment assess(const Rigid3& world_from_object) const {
@@ -273,6 +302,27 @@ class ObjectDetector::Impl {
                                               images, executor_);
   }
 
+  struct PlaceInCamera {
+    size_t camera = 0;
+    Eigen::Vector2d pixel;
+    double radius_px = 0;
+  };
+  // Where what was found before can be by now, in the next camera that sees it.
+  std::optional<PlaceInCamera> place_to_scan(const Detection& before, Where where) {
+    const Eigen::Vector3d place = before.poses.front().world_from_object * model().center();
+    for (size_t i = 0; i < frames_.size(); ++i) {
+      const size_t camera = scan_.next_camera(frames_, where);
+      const CameraModel& lens = frames_.search_cameras()[camera].camera->model;
+      const Eigen::Vector3d there = frames_.search_cameras()[camera].camera_from_world * place;
+      const auto pixel = lens.project(there);
+      if (!pixel || !lens.contains(*pixel)) continue;
+      const double seconds = std::abs(to_seconds(frames_.info(camera).capture - before.time));
+      const double reach = kOtherPlace * model().radius() / 2 + kAgainSpeed * seconds;
+      return PlaceInCamera{camera, *pixel, reach * lens.parameters().fx / there.norm()};
+    }
+    return std::nullopt;
+  }
+
   double center_distance(const Rigid3& a, const Rigid3& b) const {
     return (a * model().center() - b * model().center()).norm();
   }
@@ -307,7 +357,8 @@ class ObjectDetector::Impl {
   }
 
   // By contours, what somebody told of among it. Best first.
-  std::vector<ContourPose> search_contours(const ScanResult& hits, const MeshColors* colors) const {
+  std::vector<ContourPose> search_contours(const ScanResult& hits, const MeshColors* colors,
+                                           size_t pool = kMaxPool) const {
     std::vector<JointPose> verified = verification_.by_edges(frames_, hits);
     if (const auto* place = hint_ ? std::get_if<ImageHint>(&*hint_) : nullptr) {
       const std::vector<JointPose> about = verified_about(*place);
@@ -321,7 +372,7 @@ class ObjectDetector::Impl {
       });
     }
     std::vector<ContourPose> poses =
-        contours_.search(frames_, std::move(verified), colors, nullptr);
+        contours_.search(frames_, std::move(verified), colors, nullptr, pool);
     std::erase_if(poses, [&](const ContourPose& pose) {
       return !possible(pose.fit.motion.world_from_object);
     });
@@ -366,6 +417,8 @@ class ObjectDetector::Impl {
   std::vector<RigMotion> told_;  ///< what came nearest to such a pose, in these frames
   ContourBelief belief_;
   SearchOrder order_;
+  Time newest_{};             ///< capture of the newest frame
+  bool looks_again_ = false;  ///< what waits has not been looked at since it was found
 };
 
 Result<std::unique_ptr<ObjectDetector>> ObjectDetector::create(
@@ -385,6 +438,10 @@ void ObjectDetector::add_frame(CameraId camera, const Frame& frame,
 }
 Detection ObjectDetector::detect_at(const SearchHint& hint) { return impl_->detect_at(hint); }
 Detection ObjectDetector::detect(const ColorVerifier* colors) { return impl_->detect(colors); }
+bool ObjectDetector::waits() const { return impl_->waits(); }
+Detection ObjectDetector::look_again(const ColorVerifier* colors) {
+  return impl_->look_again(colors);
+}
 void ObjectDetector::explain(DetectionTrace& trace, const ColorVerifier* colors) {
   impl_->explain(trace, colors);
 }

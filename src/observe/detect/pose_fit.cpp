@@ -28,7 +28,8 @@ PoseFitter::PoseFitter(const ViewpointModel& model, Executor executor)
     : model_(model),
       executor_(std::move(executor)),
       width_(mean_width(model)),
-      rotations_(principal_rotations(model)) {}
+      rotations_(principal_rotations(model)),
+      turns_(principal_turns(model)) {}
 
 const FitCamera& PoseFitter::look(const FitCamera& camera, const Rigid3& world_from_object) const {
   if (camera.magnified == nullptr) return camera;
@@ -157,9 +158,18 @@ PoseFit PoseFitter::with_contrast(std::span<const FitCamera> cameras, PoseFit fi
 }
 
 std::vector<RigMotion> PoseFitter::rotated(const RigMotion& motion) const {
+  return after(rotations_, motion);
+}
+
+std::vector<RigMotion> PoseFitter::turned(const RigMotion& motion) const {
+  return after(turns_, motion);
+}
+
+std::vector<RigMotion> PoseFitter::after(std::span<const Eigen::Quaterniond> rotations,
+                                         const RigMotion& motion) const {
   const Eigen::Vector3d& center = model_.center();
   std::vector<RigMotion> out;
-  for (const Eigen::Quaterniond& rotation : rotations_) {
+  for (const Eigen::Quaterniond& rotation : rotations) {
     const Rigid3 turn(rotation, center - rotation * center);
     out.push_back({motion.world_from_object * turn, turn.inverse().adjoint() * motion.twist});
   }

@@ -74,6 +74,8 @@ class PoseFitter {
                            double reach, const FitEffort& effort = {}) const;
   /// A motion about the object's center in all rotations that may leave its shape as it is.
   std::vector<RigMotion> rotated(const RigMotion& motion) const;
+  /// The same in the principal_turns().
+  std::vector<RigMotion> turned(const RigMotion& motion) const;
   /// These, fitted anew: rivals of a symmetric object.
   std::vector<PoseFit> fit_rotated(std::span<const FitCamera> cameras,
                                    const RigMotion& fitted) const;
@@ -94,6 +96,8 @@ class PoseFitter {
  private:
   CameraFit fit_lines(const FitCamera& camera, const Rigid3& world_from_object, double reach,
                       double sigma, size_t sample_step = kSampleStep) const;
+  std::vector<RigMotion> after(std::span<const Eigen::Quaterniond> rotations,
+                               const RigMotion& motion) const;
   struct Placement;
   void add_line(const Placement& at, const Eigen::Vector3d& point, const Eigen::Vector3d& normal,
                 bool outline, CameraFit& out) const;
@@ -102,7 +106,7 @@ class PoseFitter {
   const ViewpointModel& model_;
   const Executor executor_;
   const double width_;  ///< root of the mean area of the silhouette [m]
-  const std::vector<Eigen::Quaterniond> rotations_;  ///< principal_rotations()
+  const std::vector<Eigen::Quaterniond> rotations_, turns_;  ///< principal_rotations(), _turns()
   mutable WorkMeter work_;
 };
 

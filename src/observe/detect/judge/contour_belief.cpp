@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "observe/detect/judge/contour_belief.hpp"
 
+#include <algorithm>
+
 #include "observe/detect/detect_constants.hpp"
 
 namespace sightline::observe {
@@ -16,18 +18,10 @@ Detection ContourBelief::believe(const DetectorFrames& frames,
     if (where == Where::kMotion) moving_.clear();
     return found;
   }
-  const RigMotion& best = contours.front().fit.motion;
-  const double agreement =
-      colors != nullptr ? colors->correlation(best.world_from_object, best.twist, time) : 1;
-  // Where only what moves is looked at, nothing that stands still is a rival.
-  const bool rivals = where != Where::kMotion;
-  const bool outline_alone = colors == nullptr && !rivals;
-  const bool told_by_little = outline_alone || agreement < kFewColorsAgree;
+  const double agreement = agreement_of(contours.front(), time, colors);
+  const bool told_by_little = by_little(agreement, where, colors);
   if (told_by_little && moved_as_one(frames, contours, where, time, found)) return found;
-  judge_.decide_by_contour(
-      frames, contours, told_by_little ? kClearContourScore : kMinWeakScore,
-      agreement < kNoColorsAgree ? kMaxContourRivalWithoutColors : kMaxWeakRival, found);
-  if (found.poses.empty() && rivals && !frames.show_colors()) decide_alone(frames, contours, found);
+  decide(frames, contours, where, agreement, told_by_little, found);
   const bool confirmed = weak_.confirms(found);
   if (found.poses.empty()) return found;
   const double score = found.poses.front().evidence;
@@ -46,15 +40,67 @@ Detection ContourBelief::believe(const DetectorFrames& frames,
   return none;
 }
 
+Detection ContourBelief::believe_again(const DetectorFrames& frames,
+                                       const std::vector<ContourPose>& contours, Where where,
+                                       Time time, const ColorVerifier* colors) {
+  Detection none;
+  none.time = time;
+  if (contours.empty() || waiting() == nullptr) return none;
+  const double rival = waiting()->runner_up;
+  const double agreement = agreement_of(contours.front(), time, colors);
+  const bool told_by_little = by_little(agreement, where, colors);
+  if (told_by_little) {
+    Detection moving = none;
+    decide_moving(frames, contours, moving);
+    if (moving_.continued_by(moving) && moving_.confirms(moving)) {
+      weak_.clear();
+      return moving;
+    }
+  }
+  Detection found = none;
+  decide(frames, contours, where, agreement, told_by_little, found);
+  found.runner_up = std::max(found.runner_up, rival);
+  if (!weak_.continued_by(found) || !weak_.confirms(found)) return none;
+  moving_.clear();
+  return found;
+}
+
+double ContourBelief::agreement_of(const ContourPose& pose, Time time,
+                                   const ColorVerifier* colors) {
+  const RigMotion& motion = pose.fit.motion;
+  return colors != nullptr ? colors->correlation(motion.world_from_object, motion.twist, time) : 1;
+}
+
+// Where only what moves is looked at, nothing that stands still is a rival.
+bool ContourBelief::by_little(double agreement, Where where, const ColorVerifier* colors) {
+  const bool outline_alone = colors == nullptr && where == Where::kMotion;
+  return outline_alone || agreement < kFewColorsAgree;
+}
+
+void ContourBelief::decide(const DetectorFrames& frames, const std::vector<ContourPose>& contours,
+                           Where where, double agreement, bool told_by_little,
+                           Detection& found) const {
+  judge_.decide_by_contour(
+      frames, contours, told_by_little ? kClearContourScore : kMinWeakScore,
+      agreement < kNoColorsAgree ? kMaxContourRivalWithoutColors : kMaxWeakRival, found);
+  const bool rivals = where != Where::kMotion;
+  if (found.poses.empty() && rivals && !frames.show_colors()) decide_alone(frames, contours, found);
+}
+
+void ContourBelief::decide_moving(const DetectorFrames& frames,
+                                  const std::vector<ContourPose>& contours,
+                                  Detection& found) const {
+  if (contours.front().rank < kMinMovingRank) return;
+  judge_.decide_by_contour(frames, contours, kMinScoreAlone, kMaxWeakRival, found);
+}
+
 // What moves, whatever its colors.
 bool ContourBelief::moved_as_one(const DetectorFrames& frames,
                                  const std::vector<ContourPose>& contours, Where where, Time time,
                                  Detection& out) {
   Detection found;
   found.time = time;
-  if (contours.front().rank >= kMinMovingRank) {
-    judge_.decide_by_contour(frames, contours, kMinScoreAlone, kMaxWeakRival, found);
-  }
+  decide_moving(frames, contours, found);
   // A search of everything may be taken in by what stands still.
   if (where != Where::kMotion && !moving_.continued_by(found)) return false;
   if (!moving_.confirms(found)) return false;

@@ -33,12 +33,22 @@ class ContourBelief {
   Detection believe(const DetectorFrames& frames, const std::vector<ContourPose>& contours,
                     Where where, Time time, const ColorVerifier* colors,
                     const std::function<bool(const Detection&)>& as_told);
+  /// The same of a look about what waits, in newer frames: its rivals elsewhere are those that it
+  /// had. What is not found there goes on waiting.
+  Detection believe_again(const DetectorFrames& frames, const std::vector<ContourPose>& contours,
+                          Where where, Time time, const ColorVerifier* colors);
   /// What waits to be found again; null: nothing. Until the next believe().
   const Detection* waiting() const {
     return weak_.newest() != nullptr ? weak_.newest() : moving_.newest();
   }
 
  private:
+  static double agreement_of(const ContourPose& pose, Time time, const ColorVerifier* colors);
+  static bool by_little(double agreement, Where where, const ColorVerifier* colors);
+  void decide(const DetectorFrames& frames, const std::vector<ContourPose>& contours, Where where,
+              double agreement, bool told_by_little, Detection& found) const;
+  void decide_moving(const DetectorFrames& frames, const std::vector<ContourPose>& contours,
+                     Detection& found) const;
   bool moved_as_one(const DetectorFrames& frames, const std::vector<ContourPose>& contours,
                     Where where, Time time, Detection& out);
   void decide_alone(const DetectorFrames& frames, const std::vector<ContourPose>& contours,

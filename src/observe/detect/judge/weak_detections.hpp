@@ -19,6 +19,8 @@ class WeakDetections {
   /// row that each stand out by score or from what is best elsewhere, or three, at places that fit
   /// steady motion. Nothing is remembered then.
   bool confirms(const Detection& found);
+  /// What confirms() would take for the same object as the newest.
+  bool continued_by(const Detection& found) const { return !found.poses.empty() && follows(found); }
   void clear() { row_.clear(); }
   /// What waits to be found again; null: nothing. Until the next confirms() or clear().
   const Detection* newest() const { return row_.empty() ? nullptr : &row_.back(); }
