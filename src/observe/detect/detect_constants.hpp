@@ -141,6 +141,7 @@ constexpr double kUnsteadySpeed = 0.25;  // [m/s] off what three of them would m
 // much (of the radius; [rad]; [m/s]), and to have moved by so much.
 constexpr size_t kMovingRow = 3;
 constexpr double kMinMovingRank = 0.27;
+constexpr double kMaxRivalOfMoving = 0.6;  // of what is looked at again after one search
 constexpr double kMovingPlace = 0.4, kMovingTurn = 0.35, kMovingUnsteadySpeed = 0.5;
 constexpr double kMovedDistance = 0.3, kMovedAngle = 0.3;
 

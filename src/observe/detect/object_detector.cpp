@@ -122,14 +122,14 @@ class ObjectDetector::Impl {
   }
 
   bool waits() const {
-    return looks_again_ && belief_.waiting() != nullptr && newest_ > belief_.waiting()->time;
+    return looks_again_ && belief_.promising() != nullptr && newest_ > belief_.promising()->time;
   }
 
   Detection look_again(const ColorVerifier* colors) {
     Detection out;
     if (!waits()) return out;
     looks_again_ = false;
-    const Detection before = *belief_.waiting();
+    const Detection before = *belief_.promising();
     const Where where = order_.next(frames_, &before, false);
     if (!frames_.select(where)) return out;
     frames_.compute_responses(distances_.map_margin, DetectorFrames::Edges::kBorders);

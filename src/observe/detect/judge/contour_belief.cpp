@@ -20,7 +20,7 @@ Detection ContourBelief::believe(const DetectorFrames& frames,
   }
   const double agreement = agreement_of(contours.front(), time, colors);
   const bool told_by_little = by_little(agreement, where, colors);
-  if (told_by_little && moved_as_one(frames, contours, where, time, found)) return found;
+  if (moved_as_one(frames, contours, where, time, found)) return found;
   decide(frames, contours, where, agreement, told_by_little, found);
   const bool confirmed = weak_.confirms(found);
   if (found.poses.empty()) return found;
@@ -45,17 +45,15 @@ Detection ContourBelief::believe_again(const DetectorFrames& frames,
                                        Time time, const ColorVerifier* colors) {
   Detection none;
   none.time = time;
-  if (contours.empty() || waiting() == nullptr) return none;
-  const double rival = waiting()->runner_up;
+  if (contours.empty() || promising() == nullptr) return none;
+  const double rival = promising()->runner_up;
   const double agreement = agreement_of(contours.front(), time, colors);
   const bool told_by_little = by_little(agreement, where, colors);
-  if (told_by_little) {
-    Detection moving = none;
-    decide_moving(frames, contours, moving);
-    if (moving_.continued_by(moving) && moving_.confirms(moving)) {
-      weak_.clear();
-      return moving;
-    }
+  Detection moving = none;
+  decide_moving(frames, contours, moving);
+  if (moving_.continued_by(moving) && moving_.confirms(moving)) {
+    weak_.clear();
+    return moving;
   }
   Detection found = none;
   decide(frames, contours, where, agreement, told_by_little, found);

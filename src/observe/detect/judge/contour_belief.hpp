@@ -41,6 +41,10 @@ class ContourBelief {
   const Detection* waiting() const {
     return weak_.newest() != nullptr ? weak_.newest() : moving_.newest();
   }
+  /// What is worth a look about its place at once: that, or what moves and was found once.
+  const Detection* promising() const {
+    return weak_.newest() != nullptr ? weak_.newest() : moving_.promising();
+  }
 
  private:
   static double agreement_of(const ContourPose& pose, Time time, const ColorVerifier* colors);

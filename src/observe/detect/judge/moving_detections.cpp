@@ -21,6 +21,13 @@ bool MovingDetections::confirms(const Detection& found) {
   return moved;
 }
 
+const Detection* MovingDetections::promising() const {
+  if (newest() != nullptr || row_.empty()) return newest();
+  const Detection& found = row_.back();
+  const double score = found.poses.front().evidence;
+  return score >= kMinWeakScore && found.runner_up <= kMaxRivalOfMoving * score ? &found : nullptr;
+}
+
 Eigen::Vector3d MovingDetections::place(const Detection& found) const {
   return pose_of(found) * center_;
 }

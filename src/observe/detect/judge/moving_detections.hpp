@@ -34,6 +34,8 @@ class MovingDetections {
   /// once, as something is in most searches: everything else has its turn. Until the next
   /// confirms() or clear().
   const Detection* newest() const { return row_.size() < 2 ? nullptr : &row_.back(); }
+  /// What is worth a look about its place: newest(), or what was found once without a rival.
+  const Detection* promising() const;
 
  private:
   bool follows(const Detection& found) const;
