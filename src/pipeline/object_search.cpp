@@ -2,7 +2,6 @@
 #include "sightline/pipeline/object_search.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "pipeline/search/found_frames.hpp"
@@ -22,25 +21,6 @@ Result<std::unique_ptr<ColorVerifier>> make_color_verifier(
   if (!object.samples) return std::unique_ptr<ColorVerifier>();
   return ColorVerifier::create(*object.samples, cameras);
 }
-
-// Checks of a pose that is known: often after it was found, rarely later.
-constexpr int kEarlyChecks = 4;
-constexpr Duration kEarlyCheck = std::chrono::milliseconds(150);
-constexpr Duration kDegradedCheck = std::chrono::milliseconds(500);
-constexpr Duration kCheck = std::chrono::seconds(2);
-constexpr Duration kSecondCheck = std::chrono::milliseconds(80);  // after a suspicion
-// Another orientation has to score so much. Of each check the logarithm of its score over that of
-// the orientation in force counts, less what chance gives (at true poses of twelve recordings it
-// has 1.06 of it at most, docs/detection.md), up to a bound: no single one decides.
-constexpr double kMinOtherScore = 0.45, kChance = 0.04, kMostOfCheck = 0.2, kEnoughSupport = 0.2;
-constexpr double kOtherScoreRatio = 1.15;  // one check that doubts the pose
-constexpr double kGoodScore = 0.55;
-constexpr double kMinScoreHere = 0.42;  // at true poses that two cameras see: 0.46 and more
-constexpr int kChecksOfWeak = 2;        // that have to pass before what scored less is claimed:
-constexpr double kWeakScore = 0.7;
-constexpr int kChecksWithoutDoubt = 4;   // in a row, if another orientation scores as much
-constexpr int kDoubts = 2;               // checks in a row that end in a search
-constexpr double kSameSuspicion = 0.35;  // [rad] between the orientations of two checks
 
 }  // namespace
 
@@ -152,9 +132,8 @@ std::vector<ObjectId> ObjectSearch::note_unseen(std::span<const PoseTrackPtr> tr
     const size_t index = target.object.index();
     if (index >= tracks.size() || !tracks[index] || tracks[index]->empty()) continue;
     if (tracks[index]->newest().state != TrackState::kCoasting) continue;
-    if (target.proven && !target.printed) out.push_back(target.object);
-    target.checks = target.passed = target.undoubted = 0;
-    target.proven = false;
+    if (target.proof.proven() && !target.printed) out.push_back(target.object);
+    target.proof.begin_again();
   }
   return out;
 }
@@ -221,7 +200,9 @@ void ObjectSearch::take_messages() {
       if (target.object != message.object) continue;
       target.told = message.told;
       target.pause = Duration(0);
-      if (!message.told) target.found = {};
+      if (message.told) continue;
+      target.found = {};
+      target.detector->forget();
     }
   }
 }
@@ -293,17 +274,12 @@ bool ObjectSearch::check_due(const Target& target, Time now, std::span<const Pos
   }
   const TrackState state = tracks[index]->newest().state;
   if (state != TrackState::kTracking && state != TrackState::kDegraded) return false;
-  const Duration usual = state == TrackState::kTracking ? kCheck : kDegradedCheck;
-  const Duration pause = target.suspicion || target.doubts > 0 ? kSecondCheck
-                         : target.checks < kEarlyChecks        ? kEarlyCheck
-                                                               : usual;
-  return now - target.checked >= pause;
+  return now - target.checked >= target.proof.pause(state);
 }
 
 // The first look errs now and then, by a turn; so does what comes back into view.
 bool ObjectSearch::doubted(const Target& target) {
-  const bool unproven = !target.proven && !target.printed;
-  return unproven || target.suspicion || target.doubts > 0;
+  return (!target.proof.proven() && !target.printed) || target.proof.suspected();
 }
 
 std::vector<ObjectSearch::Doubt> ObjectSearch::doubts() const {
@@ -315,7 +291,7 @@ std::vector<ObjectSearch::Doubt> ObjectSearch::doubts() const {
 void ObjectSearch::check(Target& target, Time now, std::span<const PoseTrackPtr> tracks,
                          std::vector<Observation>& out) {
   target.checked = now;
-  ++target.checks;
+  target.proof.count();
   ++checks_.done;
   const PoseAt at = tracks[target.object.index()]->at(now);
   if (at.source == PoseSource::kNone) return;
@@ -325,26 +301,24 @@ void ObjectSearch::check(Target& target, Time now, std::span<const PoseTrackPtr>
   log::debug("check: {}: {:.2f} in its orientation, {:.2f} in another", target.object.index(),
              compared.here, compared.other);
   if (compared.here == 0 && compared.other == 0) {  // nowhere to be seen: nothing to hold back
-    target.proven = true;
+    target.proof.let_pass();
     return;
   }
   Detection other;
-  const bool is_turned = turned(target, pose, compared);
-  note_passed(target, compared);
-  if (is_turned) {
+  if (target.proof.refuted_by(*target.views, pose, compared)) {
     other = target.policy.by_outline(std::move(compared.best), target.colors.get());
-  } else if (target.doubts >= kDoubts) {  // it may be covered; then nothing is found elsewhere
-    target.doubts = 0;
+  } else if (target.proof.take_doubts()) {  // it may be covered; then nothing is found elsewhere
     other = look_everywhere(target);
     const bool elsewhere = !other.poses.empty() && differs(target, pose, other);
-    if (!elsewhere) other = {};
+    if (!elsewhere) {  // nothing is claimed until a check finds it there again
+      other = {};
+      target.proof.begin_again();
+    }
   }
   if (other.poses.empty()) return;
   target.found = std::move(other);
   target.refutes = true;
-  begin_proof(target);
-  target.doubts = 0;
-  target.suspicion.reset();
+  target.proof.begin(target.found);
   ++checks_.refuted;
   log::debug("check: {}: refuted, {:.0f} deg and {:.0f} mm off", target.object.index(),
              57.3 * rotation_angle(pose, target.found.poses.front().world_from_object),
@@ -360,49 +334,11 @@ void ObjectSearch::hand_out(const Target& target, std::vector<Observation>& out)
   }
 }
 
-// What stands out by little may err: it has to pass more checks.
-void ObjectSearch::begin_proof(Target& target) {
-  target.checks = target.passed = target.undoubted = 0;
-  target.proven = false;
-  if (target.found.poses.empty()) return;
-  target.found_weakly = target.found.by_contour && target.found.poses.front().evidence < kWeakScore;
-}
-
-// In a row, because a wrong orientation passes now and then. Of what stands still another one may
-// score more by a hair, every time: that is no reason to doubt it for ever.
-void ObjectSearch::note_passed(Target& target, const OrientationComparison& compared) {
-  const bool passes = compared.other <= compared.here && compared.here >= kMinScoreHere;
-  target.passed = passes ? target.passed + 1 : 0;
-  target.undoubted = target.doubts == 0 && !target.suspicion ? target.undoubted + 1 : 0;
-  target.proven |= target.passed >= (target.found_weakly ? kChecksOfWeak : 1) ||
-                   target.undoubted >= kChecksWithoutDoubt;
-}
-
-// Whether the checks in a row that show it in the same other orientation are enough. What speaks
-// against the pose without naming another one is counted as a doubt.
-bool ObjectSearch::turned(Target& target, const Rigid3& pose,
-                          const OrientationComparison& compared) {
-  const std::optional<Suspicion> before = std::exchange(target.suspicion, std::nullopt);
-  const bool clear = compared.other >= kOtherScoreRatio * compared.here;
-  const bool possible = compared.other >= kMinOtherScore && !compared.best.poses.empty();
-  target.doubts = (possible && clear) || compared.here < kMinScoreHere ? target.doubts + 1 : 0;
-  if (!possible || !(compared.here > 0)) return false;
-  Suspicion now{pose.inverse() * compared.best.poses.front().world_from_object, 0, clear};
-  now.support = std::min(std::log(compared.other / compared.here), kMostOfCheck) - kChance;
-  const bool again =
-      before && target.views->angle_up_to_symmetry(before->other, now.other) < kSameSuspicion;
-  if (again) now.support += before->support;
-  if (now.support > 0) target.suspicion = now;
-  // The one in force is wrong, even if it is not clear what is right.
-  const bool twice = before && before->clear && clear && compared.other >= kGoodScore;
-  return twice || (again && now.support >= kEnoughSupport);
-}
-
 bool ObjectSearch::differs(const Target& target, const Rigid3& pose, const Detection& found) {
   const Rigid3& other = found.poses.front().world_from_object;
   const Eigen::Vector3d& center = target.views->center();
   return (other * center - pose * center).norm() > target.views->radius() ||
-         target.views->angle_up_to_symmetry(pose, other) >= kSameSuspicion;
+         target.views->angle_up_to_symmetry(pose, other) >= PoseProof::kSameOrientation;
 }
 
 void ObjectSearch::search(Target& target, Time now, std::vector<Observation>& out) {
@@ -411,13 +347,12 @@ void ObjectSearch::search(Target& target, Time now, std::vector<Observation>& ou
   target.searched = true;
   target.by_features = target.refutes = false;
   target.checked = now;
-  target.suspicion.reset();
-  target.doubts = 0;
+  target.proof.forget_suspicion();
   const SearchWork before = work();
   target.found = look_where_told(target, now);
   if (target.found.poses.empty()) target.found = look_everywhere(target);
   if (!target.found.poses.empty()) target.told.reset();
-  begin_proof(target);
+  target.proof.begin(target.found);
   SearchWork done = work();
   done -= before;
   target.pause = pause_after(target, now, done);

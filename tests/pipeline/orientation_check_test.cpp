@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <optional>
 
 #include "sightline/pipeline/object_search.hpp"
 #include "sightline/record/evaluate.hpp"
@@ -14,8 +15,9 @@ namespace {
 
 using namespace std::chrono_literals;
 
-const std::filesystem::path kDrill =
-    std::filesystem::path(SIGHTLINE_SOURCE_DIR) / "recordings" / "drill";
+std::filesystem::path recording_of(const std::string& name) {
+  return std::filesystem::path(SIGHTLINE_SOURCE_DIR) / "recordings" / name;
+}
 
 struct Checked {
   ObjectSearch::Checks checks;
@@ -25,19 +27,24 @@ struct Checked {
   int doubted = 0;  ///< looks after which the pose was doubted and not yet refuted
 };
 
-// The recording, with a track that says `tracking` of the true pose turned about its middle, until
-// it is refuted.
-Checked follow_turned(const Eigen::Quaterniond& turn, const Eigen::Vector3d& shift = {0, 0, 0}) {
-  Installation installation = recording_installation(kDrill).value();
+// The recording, with a track that says `tracking` of the true pose of an object turned about a
+// point of it (else its middle), until it is refuted.
+Checked follow_turned(const std::string& name, const std::string& object,
+                      const Eigen::Quaterniond& turn, const Eigen::Vector3d& shift = {0, 0, 0},
+                      const std::optional<Eigen::Vector3d>& about = {}) {
+  const std::filesystem::path folder = recording_of(name);
+  Installation installation = recording_installation(folder).value();
   installation.detect.silhouettes = false;
+  std::erase_if(installation.objects, [&](const auto& o) { return o.description.name != object; });
   RigOptions options;
   options.cache.clear();
   const Rig rig = load_rig(installation, options).value();
   const auto search = ObjectSearch::create(installation, rig).value();
-  const auto truth = read_truth(kDrill / "truth.csv").value();
-  const auto recording = std::make_shared<const Recording>(open_recording(kDrill).value());
+  auto truth = read_truth(folder / "truth.csv").value();
+  std::erase_if(truth, [&](const TruthRow& row) { return row.object != object; });
+  const auto recording = std::make_shared<const Recording>(open_recording(folder).value());
   const auto replay = VirtualReplay::open(recording).value();
-  const Eigen::Vector3d center = rig.objects.front().views->center();
+  const Eigen::Vector3d center = about.value_or(rig.objects.front().views->center());
   Checked out;
   Time first{};
   while (const auto frames = replay->next().value()) {
@@ -73,7 +80,7 @@ Checked follow_turned(const Eigen::Quaterniond& turn, const Eigen::Vector3d& shi
 }
 
 TEST(OrientationCheck, LeavesTheRightPoseAlone) {
-  const Checked checked = follow_turned(Eigen::Quaterniond::Identity());
+  const Checked checked = follow_turned("drill", "drill", Eigen::Quaterniond::Identity());
   EXPECT_GE(checked.checks.done, 4u);
   EXPECT_EQ(checked.checks.refuted, 0u);
   EXPECT_EQ(checked.doubted, 0);
@@ -81,8 +88,8 @@ TEST(OrientationCheck, LeavesTheRightPoseAlone) {
 
 TEST(OrientationCheck, FindsWhichWayItIs) {
   for (int axis = 0; axis < 3; ++axis) {
-    const Checked checked =
-        follow_turned(Eigen::Quaterniond(Eigen::AngleAxisd(3.14, Eigen::Vector3d::Unit(axis))));
+    const Eigen::Quaterniond turn(Eigen::AngleAxisd(3.14, Eigen::Vector3d::Unit(axis)));
+    const Checked checked = follow_turned("drill", "drill", turn);
     EXPECT_EQ(checked.checks.refuted, 1u) << axis;
     EXPECT_GT(checked.doubted, 0) << axis;
     EXPECT_TRUE(checked.all_refute);
@@ -91,8 +98,23 @@ TEST(OrientationCheck, FindsWhichWayItIs) {
   }
 }
 
+// A body that is all but round, with its spout followed at another side of it: no quarter turn.
+TEST(OrientationCheck, FindsASpoutAtAnotherSide) {
+  const Checked straight = follow_turned("desk", "wcan", Eigen::Quaterniond::Identity());
+  EXPECT_EQ(straight.checks.refuted, 0u);
+  for (const double angle : {-0.8, 0.6, 0.75}) {
+    const Eigen::Quaterniond turn(Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitZ()));
+    const Checked checked =
+        follow_turned("desk", "wcan", turn, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero());
+    EXPECT_EQ(checked.checks.refuted, 1u) << angle;
+    EXPECT_LT(checked.angle, 0.26) << angle;
+    std::printf("turned by %.2f: refuted after %.2f s\n", angle, checked.refuted_after);
+  }
+}
+
 TEST(OrientationCheck, WhatIsNotThereIsSearchedElsewhere) {
-  const Checked checked = follow_turned(Eigen::Quaterniond::Identity(), {0.25, 0, 0});
+  const Checked checked =
+      follow_turned("drill", "drill", Eigen::Quaterniond::Identity(), {0.25, 0, 0});
   EXPECT_EQ(checked.checks.refuted, 1u);
   EXPECT_LT(checked.angle, 0.26);
 }

@@ -12,6 +12,7 @@
 #include "sightline/observe/detect/object_detector.hpp"
 #include "sightline/observe/features/feature_detector.hpp"
 #include "sightline/observe/scene/background_model.hpp"
+#include "sightline/pipeline/pose_proof.hpp"
 #include "sightline/pipeline/rig.hpp"
 #include "sightline/pipeline/search/found_views.hpp"
 
@@ -101,12 +102,6 @@ class ObjectSearch {
     Time until{};
     int tries = 0;  ///< so far
   };
-  /// Another orientation that checks in a row have shown.
-  struct Suspicion {
-    Rigid3 other;        ///< object as tracked from object as shown
-    double support = 0;  ///< sum of their log ratios of scores, less what chance gives
-    bool clear = false;  ///< the last one alone
-  };
   /// An object that is searched for.
   struct Target {
     ObjectId object;
@@ -120,16 +115,10 @@ class ObjectSearch {
     bool searched = false;
     Detection found = {};
     std::optional<Told> told = {};
-    bool printed = false;       ///< see RigObject
-    bool refutes = false;       ///< `found` is another orientation than that of the track
-    bool found_weakly = false;  ///< what was found last stood out by little
-    int checks = 0;             ///< since it was found, or out of view
-    int passed = 0;             ///< of those in a row in which no other orientation scored more
-    int undoubted = 0;          ///< of those in a row in which none scored clearly more
-    bool proven = false;        ///< so many passed that it may be claimed
-    Time checked{};             ///< last
-    int doubts = 0;             ///< checks in a row that speak against it
-    std::optional<Suspicion> suspicion = std::nullopt;
+    bool printed = false;  ///< see RigObject
+    bool refutes = false;  ///< `found` is another orientation than that of the track
+    PoseProof proof = {};
+    Time checked{};        ///< last
     Time missing_since{};  ///< first of the searches in a row that have not found it
     Duration pause{0};     ///< from `last` to the next search
   };
@@ -152,9 +141,6 @@ class ObjectSearch {
              std::vector<Observation>& out);
   /// Hands out what was found of a target.
   void hand_out(const Target& target, std::vector<Observation>& out) const;
-  static void begin_proof(Target& target);
-  static void note_passed(Target& target, const OrientationComparison& compared);
-  static bool turned(Target& target, const Rigid3& pose, const OrientationComparison& compared);
   static bool differs(const Target& target, const Rigid3& pose, const Detection& found);
   Detection look_where_told(Target& target, Time now);
   static Detection by_features(Target& target, PoseProposals proposals);

@@ -292,8 +292,7 @@ void ContourSearch::add_variants(const DetectorFrames& frames, std::vector<Conto
 
 std::vector<ContourPose> ContourSearch::search(const DetectorFrames& frames,
                                                std::vector<JointPose> verified,
-                                               const MeshColors* colors,
-                                               DetectionTrace* trace,
+                                               const MeshColors* colors, DetectionTrace* trace,
                                                size_t pool) const {
   const double step = 0.25 * bank_.model().radius();
   add_agreement(colors, verified, executor_);

@@ -121,6 +121,11 @@ class ObjectDetector::Impl {
     return out;
   }
 
+  void forget() {
+    belief_.clear();
+    looks_again_ = false;
+  }
+
   bool waits() const {
     return looks_again_ && belief_.promising() != nullptr && newest_ > belief_.promising()->time;
   }
@@ -133,14 +138,14 @@ class ObjectDetector::Impl {
     const Where where = order_.next(frames_, &before, false);
     if (!frames_.select(where)) return out;
     frames_.compute_responses(distances_.map_margin, DetectorFrames::Edges::kBorders);
-    const auto about = place_to_scan(before, where);
-    if (!about) return out;
-    out.time = frames_.info(about->camera).capture;
+    const Eigen::Vector3d center = before.poses.front().world_from_object * model().center();
+    const auto place = scan_.next_place(frames_, where, center, before.time);
+    if (!place) return out;
+    out.time = frames_.info(place->camera).capture;
     frames_.set_reference(out.time);
     const auto mesh_colors = colors_of(colors);
-    std::vector<ContourPose> contours = search_contours(
-        scan_.scan_about(frames_, about->camera, about->pixel, about->radius_px), mesh_colors.get(),
-        kPoolOfPlace);
+    std::vector<ContourPose> contours =
+        search_contours(scan_.scan_about(frames_, *place), mesh_colors.get(), kPoolOfPlace);
     if (colors != nullptr) weigh_by_colors(*colors, out.time, kLeastColors, contours);
     out = belief_.believe_again(frames_, contours, where, out.time, colors);
     if (!out.poses.empty()) order_.note(where, true, false);
@@ -159,7 +164,8 @@ class ObjectDetector::Impl {
     const auto mesh_colors = colors_of(colors);
     const ScanResult hits = scan_.scan(frames_, scanned, where, mesh_colors.get());
     note_hits(hits, trace);
-    contours_.search(frames_, verification_.by_edges(frames_, hits), mesh_colors.get(), &trace, kMaxPool);
+    contours_.search(frames_, verification_.by_edges(frames_, hits), mesh_colors.get(), &trace,
+                     kMaxPool);
   }
 
   PoseAssessment assess(const Rigid3& world_from_object) const {
@@ -302,27 +308,6 @@ class ObjectDetector::Impl {
                                               images, executor_);
   }
 
-  struct PlaceInCamera {
-    size_t camera = 0;
-    Eigen::Vector2d pixel;
-    double radius_px = 0;
-  };
-  // Where what was found before can be by now, in the next camera that sees it.
-  std::optional<PlaceInCamera> place_to_scan(const Detection& before, Where where) {
-    const Eigen::Vector3d place = before.poses.front().world_from_object * model().center();
-    for (size_t i = 0; i < frames_.size(); ++i) {
-      const size_t camera = scan_.next_camera(frames_, where);
-      const CameraModel& lens = frames_.search_cameras()[camera].camera->model;
-      const Eigen::Vector3d there = frames_.search_cameras()[camera].camera_from_world * place;
-      const auto pixel = lens.project(there);
-      if (!pixel || !lens.contains(*pixel)) continue;
-      const double seconds = std::abs(to_seconds(frames_.info(camera).capture - before.time));
-      const double reach = kOtherPlace * model().radius() / 2 + kAgainSpeed * seconds;
-      return PlaceInCamera{camera, *pixel, reach * lens.parameters().fx / there.norm()};
-    }
-    return std::nullopt;
-  }
-
   double center_distance(const Rigid3& a, const Rigid3& b) const {
     return (a * model().center() - b * model().center()).norm();
   }
@@ -351,7 +336,7 @@ class ObjectDetector::Impl {
     for (size_t i = 0; i < frames_.size(); ++i) {
       if (frames_.cameras()[frames_.camera_index(i)].id != hint.camera) continue;
       return verification_.by_edges(frames_,
-                                    scan_.scan_about(frames_, i, hint.pixel, hint.radius_px));
+                                    scan_.scan_about(frames_, {i, hint.pixel, hint.radius_px}));
     }
     return {};
   }
@@ -438,6 +423,7 @@ void ObjectDetector::add_frame(CameraId camera, const Frame& frame,
 }
 Detection ObjectDetector::detect_at(const SearchHint& hint) { return impl_->detect_at(hint); }
 Detection ObjectDetector::detect(const ColorVerifier* colors) { return impl_->detect(colors); }
+void ObjectDetector::forget() { impl_->forget(); }
 bool ObjectDetector::waits() const { return impl_->waits(); }
 Detection ObjectDetector::look_again(const ColorVerifier* colors) {
   return impl_->look_again(colors);

@@ -42,6 +42,23 @@ size_t PoseScan::next_camera(const DetectorFrames& frames, DetectorFrames::Where
   return next_++ % frames.size();
 }
 
+std::optional<ImagePlace> PoseScan::next_place(const DetectorFrames& frames,
+                                               DetectorFrames::Where where,
+                                               const Eigen::Vector3d& place, Time time) {
+  for (size_t i = 0; i < frames.size(); ++i) {
+    const size_t index = next_camera(frames, where);
+    const SearchCamera& camera = frames.search_cameras()[index];
+    const Eigen::Vector3d there = camera.camera_from_world * place;
+    const CameraModel& lens = camera.camera->model;
+    const auto pixel = lens.project(there);
+    if (!pixel || !lens.contains(*pixel)) continue;
+    const double seconds = std::abs(to_seconds(frames.info(index).capture - time));
+    const double reach = kOtherPlace * bank_.model().radius() / 2 + kAgainSpeed * seconds;
+    return ImagePlace{index, *pixel, reach * lens.parameters().fx / there.norm()};
+  }
+  return std::nullopt;
+}
+
 ScanResult PoseScan::scan(const DetectorFrames& frames, size_t camera, DetectorFrames::Where where,
                           const MeshColors* colors) const {
   ScanResult out;
@@ -64,15 +81,15 @@ ScanResult PoseScan::scan(const DetectorFrames& frames, size_t camera, DetectorF
   return out;
 }
 
-ScanResult PoseScan::scan_about(const DetectorFrames& frames, size_t camera,
-                                const Eigen::Vector2d& pixel, double radius_px) const {
+ScanResult PoseScan::scan_about(const DetectorFrames& frames, const ImagePlace& place) const {
   ScanResult out;
-  out.camera = camera;
+  out.camera = place.camera;
   out.range.max = max_hits_ / kFocusedHitsDivisor;
-  const SearchCamera& search = frames.search_cameras()[camera];
-  const EdgeImage& edges = frames.edges(camera);
-  out.range.rows = columns_about((pixel.array() + 0.5).matrix() / search.shrink,
-                                 radius_px / search.shrink, edges.width() / 2, edges.height() / 2);
+  const SearchCamera& search = frames.search_cameras()[place.camera];
+  const EdgeImage& edges = frames.edges(place.camera);
+  out.range.rows =
+      columns_about((place.pixel.array() + 0.5).matrix() / search.shrink,
+                    place.radius_px / search.shrink, edges.width() / 2, edges.height() / 2);
   scan_range(frames, nullptr, out);
   return out;
 }

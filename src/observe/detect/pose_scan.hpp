@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "observe/detect/colors/mesh_colors.hpp"
@@ -20,6 +21,13 @@ struct ScanResult {
   std::vector<ScanHit> hits;
 };
 
+/// A disk of an image [px].
+struct ImagePlace {
+  size_t camera = 0;  ///< of those that take part
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+  double radius_px = 0;
+};
+
 /// First stage of a detection: every view, rotation, distance and position of the object in one
 /// camera, by directions of edges.
 class PoseScan {
@@ -31,13 +39,16 @@ class PoseScan {
   /// The camera to be scanned: the next one each time; of those that show what is looked for, if
   /// any does.
   size_t next_camera(const DetectorFrames& frames, DetectorFrames::Where where);
+  /// Where the object's middle may be that was at `place` [m, world] at `time`, in the next camera
+  /// that sees it; nothing: none does.
+  std::optional<ImagePlace> next_place(const DetectorFrames& frames, DetectorFrames::Where where,
+                                       const Eigen::Vector3d& place, Time time);
   /// Needs the response maps of the frames, selected with the same `where`. With `colors` of the
   /// mesh half of the hits are those of many more that they agree best with; null: it has none.
   ScanResult scan(const DetectorFrames& frames, size_t camera, DetectorFrames::Where where,
                   const MeshColors* colors = nullptr) const;
-  /// The same with the object's middle so near [px of the image] to a pixel only.
-  ScanResult scan_about(const DetectorFrames& frames, size_t camera, const Eigen::Vector2d& pixel,
-                        double radius_px) const;
+  /// The same with the object's middle in a part of the image only.
+  ScanResult scan_about(const DetectorFrames& frames, const ImagePlace& place) const;
 
  private:
   void scan_range(const DetectorFrames& frames, const MeshColors* colors, ScanResult& out) const;

@@ -434,7 +434,7 @@ TEST(ContourSearch, TheTruthStandsOutFromItsSurroundings) {
   const PoseVerification verification(scene().bank, scene().silhouettes);
   const auto verified =
       verification.by_edges(frames, scan.scan(frames, 0, DetectorFrames::Where::kEverywhere));
-  const auto poses = contours.search(frames, verified, nullptr, &trace);
+  const auto poses = contours.search(frames, verified, nullptr, &trace, kMaxPool);
   ASSERT_FALSE(poses.empty());
   const Rigid3& best = poses.front().fit.motion.world_from_object;
   EXPECT_LT(translation_distance(best, scene().truth), 0.006);

@@ -28,6 +28,18 @@ TEST_F(MovingRow, ThreeThatMoveSteadilyAreBelieved) {
   EXPECT_FALSE(row.confirms(found(0.6, 0.3, 1.2))) << "it starts anew";
 }
 
+TEST_F(MovingRow, OneWithoutARivalIsWorthALook) {
+  EXPECT_EQ(row.promising(), nullptr);
+  Detection first = found(0, 0);
+  first.runner_up = 0.4;
+  EXPECT_FALSE(row.confirms(first));
+  EXPECT_EQ(row.promising(), nullptr) << "something else is nearly as good";
+  row.clear();
+  EXPECT_FALSE(row.confirms(found(0, 0)));
+  ASSERT_NE(row.promising(), nullptr);
+  EXPECT_EQ(row.promising()->time, Time());
+}
+
 TEST_F(MovingRow, WhatStandsStillIsNotHoweverOften) {
   for (int i = 0; i < 8; ++i) EXPECT_FALSE(row.confirms(found(0.2 * i, 0.01 * (i % 2))));
 }

@@ -33,6 +33,15 @@ TEST_F(Row, OthersHaveToBeThree) {
   EXPECT_TRUE(weak.confirms(found(0.4, 0.10, 0.55, 0.8)));
 }
 
+TEST_F(Row, SaysWhatGoesOn) {
+  EXPECT_FALSE(weak.continued_by(found(0, 0, 0.65, 0.8)));
+  EXPECT_FALSE(weak.confirms(found(0, 0, 0.65, 0.8)));
+  EXPECT_TRUE(weak.continued_by(found(0.2, 0.1, 0.65, 0.8)));
+  EXPECT_FALSE(weak.continued_by(found(0.2, 0.5, 0.65, 0.8)));
+  EXPECT_FALSE(weak.continued_by(Detection()));
+  EXPECT_TRUE(weak.confirms(found(0.2, 0.1, 0.65, 0.8))) << "asking changes nothing";
+}
+
 TEST_F(Row, AnotherPlaceStartsItAnew) {
   EXPECT_FALSE(weak.confirms(found(0, 0, 0.65, 0.8)));
   EXPECT_FALSE(weak.confirms(found(0.2, 0.5, 0.65, 0.8))) << "faster than 1 m/s";

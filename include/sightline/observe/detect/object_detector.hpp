@@ -78,6 +78,8 @@ class ObjectDetector {
   /// of the time. Nothing where it is not; it goes on waiting to be found by detect().
   bool waits() const;
   Detection look_again(const ColorVerifier* colors = nullptr);
+  /// What has been found and waits is dropped.
+  void forget();
 
   /// The search by contours in the newest frames, with what each of its stages leaves; `colors` as
   /// for detect(). Decides nothing.

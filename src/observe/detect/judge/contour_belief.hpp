@@ -37,6 +37,10 @@ class ContourBelief {
   /// had. What is not found there goes on waiting.
   Detection believe_again(const DetectorFrames& frames, const std::vector<ContourPose>& contours,
                           Where where, Time time, const ColorVerifier* colors);
+  void clear() {
+    weak_.clear();
+    moving_.clear();
+  }
   /// What waits to be found again; null: nothing. Until the next believe().
   const Detection* waiting() const {
     return weak_.newest() != nullptr ? weak_.newest() : moving_.newest();

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+
+#include "sightline/base/time.hpp"
+#include "sightline/model/pose_track.hpp"
+#include "sightline/observe/detect/object_detector.hpp"
+#include "sightline/observe/shape/viewpoint_model.hpp"
+
+namespace sightline {
+
+/// What checks of a pose have said of it: whether it may be claimed, and whether another
+/// orientation has shown itself clearly enough to take its place. Plain value.
+class PoseProof {
+ public:
+  /// [rad] between the orientations of two checks that show the same one.
+  static constexpr double kSameOrientation = 0.35;
+
+  /// A pose has been found: nothing is proven of it.
+  void begin(const Detection& found);
+  /// It has gone out of view: what comes back is to be proven anew.
+  void begin_again();
+  /// A search takes the place of what checks suspect.
+  void forget_suspicion();
+
+  /// A check begins.
+  void count() { ++checks_; }
+  /// What it says. True: the images show another orientation, OrientationComparison::best.
+  bool refuted_by(const ViewpointModel& views, const Rigid3& pose,
+                  const OrientationComparison& compared);
+  /// It is nowhere to be seen: nothing to hold back.
+  void let_pass() { proven_ = true; }
+  /// Checks in a row speak against it without naming another one; once.
+  bool take_doubts();
+
+  bool proven() const { return proven_; }
+  bool suspected() const { return suspicion_ || doubts_ > 0; }
+  /// From one check to the next.
+  Duration pause(TrackState state) const;
+
+ private:
+  /// Another orientation that checks in a row have shown.
+  struct Suspicion {
+    Rigid3 other;        ///< object as tracked from object as shown
+    double support = 0;  ///< sum of their log ratios of scores, less what chance gives
+    bool clear = false;  ///< the last one alone
+  };
+  bool turned(const ViewpointModel& views, const Rigid3& pose,
+              const OrientationComparison& compared);
+  void note_passed(const OrientationComparison& compared);
+
+  bool found_weakly_ = false;  ///< what was found last stood out by little
+  int checks_ = 0;             ///< since it was found, or out of view
+  int passed_ = 0;             ///< of those in a row in which no other orientation scored more
+  int undoubted_ = 0;          ///< of those in a row in which none scored clearly more
+  bool proven_ = false;        ///< so many passed that it may be claimed
+  int doubts_ = 0;             ///< checks in a row that speak against it
+  std::optional<Suspicion> suspicion_ = std::nullopt;
+};
+
+}  // namespace sightline

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sightline/pipeline/pose_proof.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace sightline {
+namespace {
+
+// Checks of a pose that is known: often after it was found, rarely later.
+constexpr int kEarlyChecks = 4;
+constexpr Duration kEarlyCheck = std::chrono::milliseconds(150);
+constexpr Duration kDegradedCheck = std::chrono::milliseconds(500);
+constexpr Duration kCheck = std::chrono::seconds(2);
+constexpr Duration kSecondCheck = std::chrono::milliseconds(80);  // after a suspicion
+// Another orientation has to score so much. Of each check the logarithm of its score over that of
+// the orientation in force counts, less what chance gives (at true poses of twelve recordings it
+// has 1.06 of it at most, docs/detection.md), up to a bound: no single one decides.
+constexpr double kMinOtherScore = 0.45, kChance = 0.04, kMostOfCheck = 0.2, kEnoughSupport = 0.2;
+constexpr double kOtherScoreRatio = 1.15;  // one check that doubts the pose
+constexpr double kGoodScore = 0.55;
+constexpr double kMinScoreHere = 0.42;  // at true poses that two cameras see: 0.46 and more
+constexpr int kChecksOfWeak = 2;        // that have to pass before what scored less is claimed:
+constexpr double kWeakScore = 0.7;
+constexpr int kChecksWithoutDoubt = 4;  // in a row, if another orientation scores as much
+constexpr int kDoubts = 2;              // checks in a row that end in a search
+
+}  // namespace
+
+void PoseProof::begin_again() {
+  checks_ = passed_ = undoubted_ = 0;
+  proven_ = false;
+}
+
+// What stands out by little may err: it has to pass more checks.
+void PoseProof::begin(const Detection& found) {
+  begin_again();
+  forget_suspicion();
+  if (found.poses.empty()) return;
+  found_weakly_ = found.by_contour && found.poses.front().evidence < kWeakScore;
+}
+
+void PoseProof::forget_suspicion() {
+  suspicion_.reset();
+  doubts_ = 0;
+}
+
+Duration PoseProof::pause(TrackState state) const {
+  if (suspected()) return kSecondCheck;
+  if (checks_ < kEarlyChecks) return kEarlyCheck;
+  return state == TrackState::kTracking ? kCheck : kDegradedCheck;
+}
+
+bool PoseProof::take_doubts() {
+  if (doubts_ < kDoubts) return false;
+  doubts_ = 0;
+  return true;
+}
+
+bool PoseProof::refuted_by(const ViewpointModel& views, const Rigid3& pose,
+                           const OrientationComparison& compared) {
+  const bool is_turned = turned(views, pose, compared);
+  note_passed(compared);
+  return is_turned;
+}
+
+// In a row, because a wrong orientation passes now and then. Of what stands still another one may
+// score more by a hair, every time: that is no reason to doubt it for ever.
+void PoseProof::note_passed(const OrientationComparison& compared) {
+  const bool passes = compared.other <= compared.here && compared.here >= kMinScoreHere;
+  passed_ = passes ? passed_ + 1 : 0;
+  undoubted_ = suspected() ? 0 : undoubted_ + 1;
+  proven_ |= passed_ >= (found_weakly_ ? kChecksOfWeak : 1) || undoubted_ >= kChecksWithoutDoubt;
+}
+
+// Whether the checks in a row that show it in the same other orientation are enough. What speaks
+// against the pose without naming another one is counted as a doubt.
+bool PoseProof::turned(const ViewpointModel& views, const Rigid3& pose,
+                       const OrientationComparison& compared) {
+  const std::optional<Suspicion> before = std::exchange(suspicion_, std::nullopt);
+  const bool clear = compared.other >= kOtherScoreRatio * compared.here;
+  const bool possible = compared.other >= kMinOtherScore && !compared.best.poses.empty();
+  doubts_ = (possible && clear) || compared.here < kMinScoreHere ? doubts_ + 1 : 0;
+  if (!possible || !(compared.here > 0)) return false;
+  Suspicion now{pose.inverse() * compared.best.poses.front().world_from_object, 0, clear};
+  now.support = std::min(std::log(compared.other / compared.here), kMostOfCheck) - kChance;
+  const bool again =
+      before && views.angle_up_to_symmetry(before->other, now.other) < kSameOrientation;
+  if (again) now.support += before->support;
+  if (now.support > 0) suspicion_ = now;
+  // The one in force is wrong, even if it is not clear what is right.
+  const bool twice = before && before->clear && clear && compared.other >= kGoodScore;
+  return twice || (again && now.support >= kEnoughSupport);
+}
+
+}  // namespace sightline
