@@ -312,7 +312,7 @@ void ObjectSearch::check(Target& target, Time now, std::span<const PoseTrackPtr>
     const bool elsewhere = !other.poses.empty() && differs(target, pose, other);
     if (!elsewhere) {  // nothing is claimed until a check finds it there again
       other = {};
-      target.proof.begin_again();
+      target.proof.begin_weakly();
     }
   }
   if (other.poses.empty()) return;

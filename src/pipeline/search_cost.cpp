@@ -16,7 +16,7 @@ namespace {
 // model is off by 5 to 29 % of it (root mean square of a recording). A faster search needs new
 // numbers.
 constexpr double kImage = 3'250'000;  // edges, and the response maps that are made of them
-constexpr double kPlace = 0.90;  // refitted since every other column is left out
+constexpr double kPlace = 0.90;       // refitted since every other column is left out
 constexpr double kChecked = 100;
 constexpr double kScored = 806;
 constexpr double kMask = 200;

@@ -12,9 +12,9 @@
 #include "sightline/observe/detect/object_detector.hpp"
 #include "sightline/observe/features/feature_detector.hpp"
 #include "sightline/observe/scene/background_model.hpp"
-#include "sightline/pipeline/pose_proof.hpp"
 #include "sightline/pipeline/rig.hpp"
 #include "sightline/pipeline/search/found_views.hpp"
+#include "sightline/pipeline/search/pose_proof.hpp"
 
 namespace sightline {
 

@@ -9,8 +9,8 @@
 namespace sightline::observe {
 namespace {
 
-constexpr int kTurnStep = 15;            // [deg]
-constexpr int kLeastTurn = 30;           // what is nearer is where a fit from the pose leads
+constexpr int kTurnStep = 15;   // [deg]
+constexpr int kLeastTurn = 30;  // what is nearer is where a fit from the pose leads
 constexpr double kSameAxisCosine = 0.95;
 
 // As columns.

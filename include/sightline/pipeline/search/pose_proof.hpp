@@ -21,6 +21,8 @@ class PoseProof {
   void begin(const Detection& found);
   /// It has gone out of view: what comes back is to be proven anew.
   void begin_again();
+  /// Checks did not find it where it should be, nor a search elsewhere: the same, by more checks.
+  void begin_weakly();
   /// A search takes the place of what checks suspect.
   void forget_suspicion();
 
@@ -50,7 +52,7 @@ class PoseProof {
               const OrientationComparison& compared);
   void note_passed(const OrientationComparison& compared);
 
-  bool found_weakly_ = false;  ///< what was found last stood out by little
+  bool found_weakly_ = false;  ///< it stood out by little, or checks did not find it
   int checks_ = 0;             ///< since it was found, or out of view
   int passed_ = 0;             ///< of those in a row in which no other orientation scored more
   int undoubted_ = 0;          ///< of those in a row in which none scored clearly more

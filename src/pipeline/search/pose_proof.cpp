@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "sightline/pipeline/pose_proof.hpp"
+#include "sightline/pipeline/search/pose_proof.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -31,6 +31,11 @@ constexpr int kDoubts = 2;              // checks in a row that end in a search
 void PoseProof::begin_again() {
   checks_ = passed_ = undoubted_ = 0;
   proven_ = false;
+}
+
+void PoseProof::begin_weakly() {
+  begin_again();
+  found_weakly_ = true;
 }
 
 // What stands out by little may err: it has to pass more checks.
