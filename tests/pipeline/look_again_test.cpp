@@ -47,7 +47,7 @@ struct Office {
   }
 };
 
-TEST(LookAgain, FindsItInNewerFramesAtAThirdOfTheWork) {
+TEST(LookAgain, FindsItInNewerFramesByAThirdOfTheScan) {
   Office office;
   const Time first = office.show(60ms);
   ASSERT_TRUE(office.search->due(first, {}));

@@ -74,8 +74,8 @@ class ObjectDetector {
   Detection detect(const ColorVerifier* colors = nullptr);
 
   /// Whether the last detect() has found something that stands out by too little to be believed,
-  /// and newer frames have come: then look_again() says whether it is found again about there, in a
-  /// third of the time. Nothing where it is not; it goes on waiting to be found by detect().
+  /// and newer frames have come: then look_again() says whether it is found again about there, in
+  /// half of the time. Nothing where it is not; it goes on waiting to be found by detect().
   bool waits() const;
   Detection look_again(const ColorVerifier* colors = nullptr);
   /// What has been found and waits is dropped.

@@ -64,7 +64,7 @@ class ContourBelief {
 
   const DetectionJudge& judge_;
   WeakDetections weak_;
-  MovingDetections moving_;  ///< the same of what moves, for which the mesh's colors do not speak
+  MovingDetections moving_;  ///< the same of what moves, whatever the mesh's colors say of it
 };
 
 }  // namespace sightline::observe

@@ -14,8 +14,8 @@ bool sum_features_scalar(std::span<const uint8_t* const> features, int columns, 
 bool sum_features(std::span<const uint8_t* const> features, int columns, uint8_t threshold,
                   uint8_t* sums) {
 #ifdef SIGHTLINE_X86_64
-  static const auto kBest = cpu_has_avx2() ? sum_features_avx2 : sum_features_scalar;
-  return kBest(features, columns, threshold, sums);
+  static const auto best = cpu_has_avx2() ? sum_features_avx2 : sum_features_scalar;
+  return best(features, columns, threshold, sums);
 #else
   return sum_features_scalar(features, columns, threshold, sums);
 #endif
