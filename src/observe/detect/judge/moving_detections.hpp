@@ -10,7 +10,7 @@
 
 namespace sightline::observe {
 
-/// What the newest searches among what moves have found, that its colors do not speak for: too
+/// What the newest searches among what moves have found, whatever its colors say: too
 /// little to be believed alone, and twice. Clutter stands still, and what is taken for the object
 /// by chance is another pose each time; the object moves as one body. (Of what stands still the
 /// same mistake comes again and again, so that repeating a search tells nothing.)
