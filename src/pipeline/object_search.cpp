@@ -224,10 +224,6 @@ Detection ObjectSearch::by_features(Target& target, PoseProposals proposals) {
 }
 
 Detection ObjectSearch::look_everywhere(Target& target) {
-  if (target.detector->waits()) {
-    return target.policy.by_outline(target.detector->look_again(target.colors.get()),
-                                    target.colors.get());
-  }
   if (target.features) {  // texture says more than an outline, and sooner
     feature_work_.textures += cameras_.size();
     Detection found = by_features(target, target.features->propose());
@@ -240,16 +236,15 @@ Detection ObjectSearch::look_everywhere(Target& target) {
 
 std::vector<Observation> ObjectSearch::search(Time now, std::span<const PoseTrackPtr> tracks) {
   take_messages();
+  // What waits to be found again comes first: soon it is elsewhere.
+  const auto order = [](const Target& t) {
+    return std::pair(!t.detector->waits(), t.searched ? t.last : Time::min());
+  };
   Target* next = nullptr;
   for (Target& target : targets_) {
     target.found = {};
     if (!due(target, now, tracks)) continue;
-    if (target.detector->waits()) {  // soon it is elsewhere
-      next = &target;
-      break;
-    }
-    const auto waits_since = [](const Target& t) { return t.searched ? t.last : Time::min(); };
-    if (next == nullptr || waits_since(target) < waits_since(*next)) next = &target;
+    if (next == nullptr || order(target) < order(*next)) next = &target;
   }
   std::vector<Observation> out;
   Target* checked = nullptr;
@@ -350,7 +345,12 @@ void ObjectSearch::search(Target& target, Time now, std::vector<Observation>& ou
   target.proof.forget_suspicion();
   const SearchWork before = work();
   target.found = look_where_told(target, now);
-  if (target.found.poses.empty()) target.found = look_everywhere(target);
+  if (target.found.poses.empty()) {
+    const ColorVerifier* colors = target.colors.get();
+    target.found = target.detector->waits() && !target.told
+                       ? target.policy.by_outline(target.detector->look_again(colors), colors)
+                       : look_everywhere(target);
+  }
   if (!target.found.poses.empty()) target.told.reset();
   target.proof.begin(target.found);
   SearchWork done = work();

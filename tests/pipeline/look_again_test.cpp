@@ -72,6 +72,24 @@ TEST(LookAgain, FindsItInNewerFramesByAThirdOfTheScan) {
   }
 }
 
+TEST(LookAgain, NotAtAPlaceOfLongAgo) {
+  Office office;
+  EXPECT_TRUE(office.search->search(office.show(60ms), {}).empty());
+  const uint64_t before = office.search->work().places;
+  (void)office.search->search(office.show(1580ms), {});
+  EXPECT_GT(2 * (office.search->work().places - before), before) << "everything is searched";
+}
+
+TEST(LookAgain, WhereSomebodySaysItIsComesFirst) {
+  Office office;
+  EXPECT_TRUE(office.search->search(office.show(60ms), {}).empty());
+  const Time second = office.show(200ms);
+  ASSERT_TRUE(office.search->hint(ObjectId(0), ImageHint{CameraId(0), {320, 240}, 40}));
+  const uint64_t before = office.search->work().places;
+  (void)office.search->search(second, {});
+  EXPECT_GT(2 * (office.search->work().places - before), before) << "its rivals have to be known";
+}
+
 TEST(LookAgain, WhatIsForgottenDoesNotWait) {
   Office office;
   const Time first = office.show(60ms);

@@ -136,7 +136,7 @@ constexpr double kWeakSpeed = 1.0, kWeakTurnRate = 3.0;
 constexpr double kAgainSpeed = 0.5;  // [m/s] as far as the look about its place goes
 constexpr double kMaxSecondsBetweenWeak = 1.5;
 constexpr double kUnsteadySpeed = 0.25;  // [m/s] off what three of them would move at
-// What moves and its colors do not speak for has to be found so often, with such a rank (sprayer:
+// What moves, whatever its colors say, has to be found so often, with such a rank (sprayer:
 // 0.31 to 0.38 where it is, 0.15 to 0.27 elsewhere), at poses that are off from steady motion by so
 // much (of the radius; [rad]; [m/s]), and to have moved by so much.
 constexpr size_t kMovingRow = 3;

@@ -116,7 +116,7 @@ class ObjectDetector::Impl {
       out.by_contour = same_place(out, by_contour);
     }
     order_.note(where, !out.poses.empty(), belief_.waiting() != nullptr);
-    looks_again_ = true;
+    looks_again_ = true;  // what is found here may yet be refused by its colors or its track
     forget_told();
     return out;
   }
@@ -127,7 +127,9 @@ class ObjectDetector::Impl {
   }
 
   bool waits() const {
-    return looks_again_ && belief_.promising() != nullptr && newest_ > belief_.promising()->time;
+    const Detection* found = looks_again_ ? belief_.promising() : nullptr;
+    return found != nullptr && newest_ > found->time &&
+           to_seconds(newest_ - found->time) <= kMaxSecondsBetweenWeak;
   }
 
   Detection look_again(const ColorVerifier* colors) {

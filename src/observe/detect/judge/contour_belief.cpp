@@ -19,9 +19,8 @@ Detection ContourBelief::believe(const DetectorFrames& frames,
     return found;
   }
   const double agreement = agreement_of(contours.front(), time, colors);
-  const bool told_by_little = by_little(agreement, where, colors);
   if (moved_as_one(frames, contours, where, time, found)) return found;
-  decide(frames, contours, where, agreement, told_by_little, found);
+  decide(frames, contours, where, agreement, colors != nullptr, found);
   const bool confirmed = weak_.confirms(found);
   if (found.poses.empty()) return found;
   const double score = found.poses.front().evidence;
@@ -48,7 +47,6 @@ Detection ContourBelief::believe_again(const DetectorFrames& frames,
   if (contours.empty() || promising() == nullptr) return none;
   const double rival = promising()->runner_up;
   const double agreement = agreement_of(contours.front(), time, colors);
-  const bool told_by_little = by_little(agreement, where, colors);
   Detection moving = none;
   decide_moving(frames, contours, moving);
   if (moving_.continued_by(moving) && moving_.confirms(moving)) {
@@ -56,7 +54,7 @@ Detection ContourBelief::believe_again(const DetectorFrames& frames,
     return moving;
   }
   Detection found = none;
-  decide(frames, contours, where, agreement, told_by_little, found);
+  decide(frames, contours, where, agreement, colors != nullptr, found);
   found.runner_up = std::max(found.runner_up, rival);
   if (!weak_.continued_by(found) || !weak_.confirms(found)) return none;
   moving_.clear();
@@ -70,18 +68,13 @@ double ContourBelief::agreement_of(const ContourPose& pose, Time time,
 }
 
 // Where only what moves is looked at, nothing that stands still is a rival.
-bool ContourBelief::by_little(double agreement, Where where, const ColorVerifier* colors) {
-  const bool outline_alone = colors == nullptr && where == Where::kMotion;
-  return outline_alone || agreement < kFewColorsAgree;
-}
-
 void ContourBelief::decide(const DetectorFrames& frames, const std::vector<ContourPose>& contours,
-                           Where where, double agreement, bool told_by_little,
-                           Detection& found) const {
+                           Where where, double agreement, bool has_colors, Detection& found) const {
+  const bool rivals = where != Where::kMotion;
+  const bool told_by_little = (!has_colors && !rivals) || agreement < kFewColorsAgree;
   judge_.decide_by_contour(
       frames, contours, told_by_little ? kClearContourScore : kMinWeakScore,
       agreement < kNoColorsAgree ? kMaxContourRivalWithoutColors : kMaxWeakRival, found);
-  const bool rivals = where != Where::kMotion;
   if (found.poses.empty() && rivals && !frames.show_colors()) decide_alone(frames, contours, found);
 }
 

@@ -52,9 +52,8 @@ class ContourBelief {
 
  private:
   static double agreement_of(const ContourPose& pose, Time time, const ColorVerifier* colors);
-  static bool by_little(double agreement, Where where, const ColorVerifier* colors);
   void decide(const DetectorFrames& frames, const std::vector<ContourPose>& contours, Where where,
-              double agreement, bool told_by_little, Detection& found) const;
+              double agreement, bool has_colors, Detection& found) const;
   void decide_moving(const DetectorFrames& frames, const std::vector<ContourPose>& contours,
                      Detection& found) const;
   bool moved_as_one(const DetectorFrames& frames, const std::vector<ContourPose>& contours,

@@ -58,7 +58,7 @@ class EdgeImage {
 /// directions abound one more says little. One sample for every 2 x 2 pixels of the half-size
 /// image; a margin of zeros around, so that templates may reach over the border. Of a row the even
 /// columns lie side by side, then the odd ones: templates are scanned at every other column, and
-/// each feature's responses are to be read in one go (the same paper, section 2.4).
+/// each feature's responses are to be read in one go ("linearizing the memory" in the same paper).
 class ResponseMaps {
  public:
   static constexpr int kFullResponse = 8;
