@@ -77,12 +77,15 @@ class Chain {
   void begin(Time now) { chain_->begin(now); }
   void observe(const FramePtr& frame) { chain_->observe({frame->info().camera, frame}); }
   void put(Observation observation) { chain_->set().push_back(std::move(observation)); }
-  Observation start(const Frame& frame, const Rigid3& pose) {
+  Observation start(const FramePtr& shot, const Rigid3& pose) {
+    const Frame& frame = *shot;
+    ObjectTracker& tracker = chain_->observer(frame.info().camera)->tracker();
+    const Rigid3 camera_from_world =
+        installation_.cameras[frame.info().camera.index()].calibration.world_from_camera.inverse();
+    tracker.note_found({ObjectId(0), shot, camera_from_world * pose, false});
     Matrix6 covariance = Matrix6::Identity() * 0.01 * 0.01;
     covariance.diagonal().tail<3>().setConstant(0.002 * 0.002);
-    Observation out = chain_->observer(frame.info().camera)
-                          ->tracker()
-                          .propose(frame, ObjectId(0), pose, covariance);
+    Observation out = tracker.propose(frame, ObjectId(0), pose, covariance);
     if (!told_) return out;
     // Given is also which of the poses it is that look alike.
     out.symmetric_hypotheses = {{pose, 0}};
@@ -157,9 +160,8 @@ Result<Played> play(const Condition& condition, uint64_t seed, const PlayOptions
       const bool always = rig.options().cards.empty() && condition.enters == Duration(0);
       visible = std::max(visible, always ? 1 : rig.visible_share(shot));
       frames.push_back(store.shoot(next++));
-      const Frame& frame = *frames.back();
       if (start) {
-        chain->put(chain->start(frame, rig.truth(shot.true_capture)));
+        chain->put(chain->start(frames.back(), rig.truth(shot.true_capture)));
         continue;
       }
       const double before = cpu_ms();

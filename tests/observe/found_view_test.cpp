@@ -5,6 +5,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <numbers>
+#include <random>
 
 #include "sightline/observe/track/object_tracker.hpp"
 #include "sightline/pipeline/mesh_depth_renderer.hpp"
@@ -125,9 +126,9 @@ double aside_mm(const Rigid3& truth, const Rigid3& pose, const CalibratedCamera&
 TEST_F(FoundViewTest, ColorsOfWhereItWasFoundHoldWhatIsPredictedBadly) {
   std::vector<Vector6> offs;
   for (const double sign : {-1.0, 1.0}) {
-    offs.push_back(off_by(sign * 8, 0.02 * sign, 0, 0));
-    offs.push_back(off_by(-sign * 8, 0, 0.02 * sign, 0));
-    offs.push_back(off_by(sign * 8, 0, 0, 0.02 * sign));
+    offs.push_back(off_by(sign * 15, 0.04 * sign, 0, 0));
+    offs.push_back(off_by(-sign * 15, 0, 0.04 * sign, 0));
+    offs.push_back(off_by(sign * 15, 0, 0, 0.04 * sign));
   }
   int held = 0, held_fresh = 0;
   for (const bool told : {false, true}) {
@@ -143,6 +144,31 @@ TEST_F(FoundViewTest, ColorsOfWhereItWasFoundHoldWhatIsPredictedBadly) {
   RecordProperty("held_without", held_fresh);
   EXPECT_GE(held, 5) << "of 6";
   EXPECT_GT(held, held_fresh);
+}
+
+// In any direction, at once: a quarter of its diameter and 15 degrees. One camera, so that the
+// distance is left out.
+TEST_F(FoundViewTest, FindsTheWayBackFromAnyDirection) {
+  std::mt19937 random(7);
+  std::normal_distribution<double> normal;
+  const auto direction = [&] {
+    return Eigen::Vector3d(normal(random), normal(random), normal(random)).normalized();
+  };
+  constexpr int kStarts = 30;
+  int back = 0;
+  for (int i = 0; i < kStarts; ++i) {
+    tracker_ = ObjectTracker::create(rig_.cameras()[0], CameraId(0), {tracked()}).value();
+    tracker_->note_found(found(0, frame(0)));
+    Vector6 off;
+    off << 15 * kDeg * direction(), 0.031 * direction();
+    const auto pose = step(2, off);
+    back += pose && aside_mm(truth(2), *pose, rig_.cameras()[0]) < 4 &&
+                    rotation_angle(truth(2), *pose) < 5 * kDeg
+                ? 1
+                : 0;
+  }
+  RecordProperty("back", back);
+  EXPECT_GE(back, 24) << "of " << kStarts;
 }
 
 TEST_F(FoundViewTest, WhatIsKnownStaysUnlessItIsRefuted) {

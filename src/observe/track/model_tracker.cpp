@@ -73,13 +73,13 @@ OutlineAgreement ModelTracker::find_outline(const Look& look, const ColorHistogr
     all.edge_support = edges_.support(look.frame.gray(), look.prior, outline_, all).share();
   }
   // What was found may be something else: colors that do not tell clearly fit where they were read,
-  // whatever is there.
-  if (from_detection) all.seen = all.seen && all.edge_support >= kHeldEdgeSupport;
-  // Of what was held by the colors of its stretches, those as a whole are known not to tell.
-  if (held_locally) {
-    all.seen = all.seen && all.edge_support >= kHeldEdgeSupport;
-    return all;
+  // whatever is there. From afar an outline gets to something else more often. Of what was held by
+  // the colors of its stretches, those as a whole are known not to tell.
+  if (from_detection || look.from_afar || held_locally) {
+    const double least = look.from_afar && held_locally ? kMinEdgeSupport : kHeldEdgeSupport;
+    all.seen = all.seen && all.edge_support >= least;
   }
+  if (held_locally) return all;
   std::swap(outline_, other_outline_);
   const OutlineAgreement local = by_local_colors(look, known_local);
   const double rival = all.seen ? all.edge_support + kClearEdgeMargin : 0;
@@ -120,12 +120,13 @@ ModelTracker::Measurement ModelTracker::measure(const Frame& frame, const Predic
   const Matrix6& covariance = prediction.covariance;
   const double sigma_rotation = std::sqrt(covariance.topLeftCorner<3, 3>().trace() / 3);
   const double sigma_translation = std::sqrt(covariance.bottomRightCorner<3, 3>().trace() / 3);
-  const double spread_px =
-      outline_.pixels_per_meter() * (sigma_translation + object_.views->radius() * sigma_rotation);
+  const double radius = object_.views->radius();
+  const double spread = sigma_translation + radius * sigma_rotation;
   const ColorHistograms* known =
       learned.colors != nullptr ? learned.colors->of_aspect(out.aspect) : nullptr;
-  const OutlineAgreement agreement =
-      find_outline({frame, prior, spread_px}, known, learned.local, learned.from_detection);
+  const OutlineAgreement agreement = find_outline(
+      {frame, prior, outline_.pixels_per_meter() * spread, spread > kAfarRadii * radius}, known,
+      learned.local, learned.from_detection);
   result.lines_total = static_cast<int>(outline_.lines().size());
   result.lines_used = agreement.lines_used;
   result.evidence = agreement.evidence;

@@ -58,6 +58,7 @@ class ModelTracker {
     const Frame& frame;
     const PosePrior& prior;
     double spread_px;
+    bool from_afar;  ///< that is much, next to the object's size
   };
   size_t aspect() const;
   OutlineAgreement find_outline(const Look& look, const ColorHistograms* known,

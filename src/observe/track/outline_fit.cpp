@@ -17,15 +17,31 @@ const ColorHistograms* OutlineFit::colors_beside(const ColorReader& frame,
   return fresh_.learn(foreground_, background_, 1.0f) ? &fresh_ : nullptr;
 }
 
-void OutlineFit::refine(const PosePrior& prior, PlacedOutline& outline) {
+void OutlineFit::refine(const PosePrior& prior, int scale, PlacedOutline& outline) {
+  const double inflation =
+      kPlacingInflation / outline.independent_share(camera_.options.region_correlation_px);
   residuals_.clear();
   for (const ContourLine& line : outline.lines()) {
     if (!line.measured) continue;
-    residuals_.push_back({line.by_pose, line.mean, std::sqrt(kPlacingInflation * line.variance)});
+    residuals_.push_back({line.by_pose, line.mean, std::sqrt(inflation * line.variance)});
   }
   const Vector6 step = fit_lines(residuals_, prior.information, prior.offset_of(outline.pose()),
-                                 camera_.options.huber);
+                                 scale > 1 ? kPlacingHuber : camera_.options.huber);
   outline.place(outline.pose() * Rigid3::exp(step));
+}
+
+// Measures with segments of `scale` pixels and moves the outline, until it stays where it is.
+template <class Measure>
+bool OutlineFit::settle(const Measure& measure, int scale, const PosePrior& prior,
+                        PlacedOutline& outline) {
+  const int passes = scale > 1 ? kPlacingPasses : 1;
+  for (int pass = 0; pass < passes; ++pass) {
+    if (!measure(scale)) return false;
+    const Rigid3 before = outline.pose();
+    refine(prior, scale, outline);
+    if (outline.distance_to(before) < scale) break;
+  }
+  return true;
 }
 
 namespace {
@@ -46,23 +62,19 @@ double first_gap(double spread_px) {
 const ColorHistograms* OutlineFit::fit(const ColorReader& frame, const PosePrior& prior,
                                        double spread_px, const ColorHistograms* learned,
                                        PlacedOutline& outline) {
-  int scale = coarsest_scale(spread_px);
   const ColorHistograms* colors = learned;
   double gap = first_gap(spread_px);
-  for (;;) {
-    if (learned == nullptr) {
-      colors = colors_beside(frame, outline, gap);
-      gap = kLearnGapPx;
-    }
-    if (colors == nullptr) return nullptr;
+  const auto measure = [&](int scale) {
+    if (learned == nullptr) colors = colors_beside(frame, outline, gap);
+    gap = kLearnGapPx;
+    if (colors == nullptr) return false;
     measure_lines(frame, *colors, scale, outline.lines());
-    refine(prior, outline);
-    if (scale == 1) break;
-    scale = finer(scale);
+    return true;
+  };
+  for (int scale = coarsest_scale(spread_px); scale > 0; scale = finer(scale)) {
+    if (!settle(measure, scale, prior, outline)) return nullptr;
   }
-  if (learned == nullptr) colors = colors_beside(frame, outline, kLearnGapPx);
-  if (colors == nullptr) return nullptr;
-  measure_lines(frame, *colors, 1, outline.lines());
+  if (!measure(1)) return nullptr;
   correct_for_gamma(camera_.options.gamma, camera_.options.blur_px, outline.lines());
   return colors;
 }
@@ -81,8 +93,7 @@ bool OutlineFit::fit_locally(const ColorReader& frame, const PosePrior& prior, d
     return local_.known();
   };
   for (int scale = coarsest_scale(spread_px); scale > 0; scale = finer(scale)) {
-    if (!measure(scale)) return false;
-    refine(prior, outline);
+    if (!settle(measure, scale, prior, outline)) return false;
   }
   if (!measure(1)) return false;
   correct_for_gamma(camera_.options.gamma, camera_.options.blur_px, outline.lines());

@@ -30,7 +30,9 @@ class OutlineFit {
  private:
   const ColorHistograms* colors_beside(const ColorReader& frame, const PlacedOutline& outline,
                                        double gap_px);
-  void refine(const PosePrior& prior, PlacedOutline& outline);
+  template <class Measure>
+  bool settle(const Measure& measure, int scale, const PosePrior& prior, PlacedOutline& outline);
+  void refine(const PosePrior& prior, int scale, PlacedOutline& outline);
 
   const TrackerCamera& camera_;
   ColorHistograms fresh_;  // of this very frame

@@ -15,6 +15,10 @@ constexpr double kSpreadSigmas = 2.0;  // of the prediction that the coarsest pa
 constexpr int kMaxScale = 8;           // pixels of a segment in the coarsest pass
 // Neighboring pixels share noise and clutter, so a posterior is surer than it should be.
 constexpr double kPlacingInflation = 2.0;
+// From afar many lines find something else, or nothing: nearly the least sum of absolute
+// deviations [sigma], in up to so many passes with segments of one length.
+constexpr double kPlacingHuber = 0.1;
+constexpr int kPlacingPasses = 4;
 
 // Measuring lines by color: the smoothed step of Stoiber et al. (SRT3D), and the pixels whose
 // evidence and luma say what is on either side.
@@ -41,6 +45,7 @@ constexpr double kClearEvidence = 0.6;    // of the colors as a whole, that is e
 constexpr double kMinEdgeSupport = 0.5;   // of an outline that was found by local colors
 constexpr double kMinLocalScore = 0.36;   // its edge support times its evidence
 constexpr double kClearEdgeMargin = 0.2;  // over what the colors as a whole found
+constexpr double kAfarRadii = 0.3;        // of the object, that a prediction may be off
 constexpr double kHeldEdgeSupport = 0.3;  // of what those found of an object held by local ones
 constexpr int kMinCellPixels = 40;        // of either side, to say anything
 constexpr float kFreshLocalShare = 0.5f;  // of the frame at hand, in what is beside the object
