@@ -52,7 +52,7 @@ TEST(Reset, AKidnappedObjectIsFollowedWithoutAWrongClaim) {
       if (synchronous) options.phases.assign(static_cast<size_t>(cameras), 0.0);
       options.motion.jump_at = time_from_ns(1'000'000'000);
       Vector6 jump;
-      jump << 0, 0, 0.8, 0.12, -0.06, 0.02;
+      jump << 0, 0, 1.6, 0.16, -0.06, 0.02;
       options.motion.jump = Rigid3::exp(jump);
       auto estimator = make();
       const auto rows = run(SyntheticRig(options), estimator);
@@ -64,6 +64,51 @@ TEST(Reset, AKidnappedObjectIsFollowedWithoutAWrongClaim) {
         EXPECT_TRUE(row.is(TrackState::kTracking) || cameras == 1);
       }
     }
+  }
+}
+
+// Farther than it was ever seen to move between two frames, but no farther than a motion that turns
+// back at once may get.
+Vector6 leap() {
+  Vector6 leap;
+  leap << 0.1, 0.25, 0, 0.05, -0.03, 0.02;
+  return leap;
+}
+
+TEST(Leap, WhereAllThatSeeItAgreeItIsFollowedAtOnce) {
+  for (const int cameras : {1, 2, 3}) {
+    RigOptions options = moving_rig(cameras);
+    options.phases.assign(static_cast<size_t>(cameras), 0);
+    options.motion.jump_at = time_from_ns(1'000'000'000);
+    options.motion.jump = Rigid3::exp(leap());
+    auto estimator = make();
+    const auto rows = run(SyntheticRig(options), estimator);
+    EXPECT_EQ(wrong_claims(rows), 0) << cameras;
+    EXPECT_EQ(estimator.counters().resets, 0u) << cameras;
+    const auto first = std::find_if(rows.begin(), rows.end(), [&](const Row& row) {
+      return row.estimate.time >= options.motion.jump_at;
+    });
+    ASSERT_NE(first, rows.end());
+    if (cameras == 1) {
+      EXPECT_TRUE(first->is(TrackState::kDegraded)) << "one frame of one camera";
+      EXPECT_EQ(first->estimate.degraded_reasons & kUnconfirmed, kUnconfirmed);
+    }
+    for (auto row = first; row != rows.end(); ++row) {
+      EXPECT_LT(row->translation_error, 0.01) << cameras << " after " << row - first;
+      EXPECT_LT(row->rotation_error, 0.1) << cameras << " after " << row - first;
+    }
+  }
+}
+
+TEST(Leap, OneCameraOfSeveralIsNotFollowed) {
+  for (const int cameras : {2, 3}) {
+    RigOptions options = moving_rig(cameras);  // free-running: it is alone in its sets
+    options.wrong_poses = {{1, milliseconds(700), milliseconds(1300), Rigid3::exp(leap())}};
+    auto estimator = make();
+    const auto rows = run(SyntheticRig(options), estimator);
+    EXPECT_EQ(wrong_claims(rows), 0) << cameras;
+    EXPECT_GT(estimator.counters().gated, 12u) << cameras;
+    EXPECT_LT(rms_translation(rows, 6), 0.004) << cameras;
   }
 }
 

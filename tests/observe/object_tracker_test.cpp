@@ -202,6 +202,30 @@ TEST(ObjectTracker, ComesBackFromAPoorPrediction) {
   EXPECT_GE(found, tried - 2);
 }
 
+// A quarter of its size and 15 degrees from frame to frame, each time in a new direction: where it
+// is predicted is farther from it than where it was.
+TEST(ObjectTracker, MotionThatTurnsBackAtOnceIsHeld) {
+  SceneRigOptions options = options_of(1s);
+  test::SceneSteps steps;
+  steps.step = 0.031;
+  steps.turn = 15 * kDeg;
+  options.path = test::erratic_path(steps, options.duration);
+  const SceneRig rig(options);
+  Tracking tracking(rig);
+  int sets = 0, held = 0;
+  for (const auto& set : rig.sets()) {
+    const PoseEstimate estimate = tracking.step(set).estimate;
+    const Rigid3 truth = rig.truth(set.front().true_capture);
+    ++sets;
+    held += has_pose(estimate.state) &&
+                    translation_distance(truth, estimate.world_from_object) < 0.05 &&
+                    rotation_angle(truth, estimate.world_from_object) < 5 * kDeg
+                ? 1
+                : 0;
+  }
+  EXPECT_GE(held, sets * 9 / 10);
+}
+
 TEST(ObjectTracker, ACoveredCameraSaysNothingAndLearnsNothing) {
   SceneRigOptions options = options_of(700ms);
   options.cards.push_back({1, 400ms, 560ms, 0ms, 1.0});

@@ -12,6 +12,9 @@ namespace sightline::fuse {
 namespace {
 
 constexpr double kNisAlarm = 16.8;  // 99 % of chi-square with 6 dof
+// Power of the accelerations of a leap, next to the nominal ones: 60 mm + 13 deg in 1/30 s, one
+// sigma.
+constexpr double kLeap = 64;
 
 }  // namespace
 
@@ -73,8 +76,29 @@ void HypothesisUpdate::run(const Hypothesis& hypothesis, const MeasurementSet& s
   if (update_.accepted != 0 && 2.0 * update_.minimum.prior_cost > nis_limit_) {
     update_.gated |= std::exchange(update_.accepted, 0);
   }
-  if (update_.accepted == 0) moved.motion = known.motion;
+  if (update_.accepted == 0 && !leap(known, set, moved)) moved.motion = known.motion;
   outcomes.push_back(outcome_of(moved, update_, set, symmetric_, options_));
+}
+
+// Nobody expected it there, but that is where all that see it agree that it is, and a motion that
+// turns back at once can have led there. It has to be confirmed anew. One camera of several does
+// not count: it may have found something else.
+bool HypothesisUpdate::leap(const Hypothesis& known, const MeasurementSet& set, Hypothesis& moved) {
+  if (!options_.adapt_motion || (set.measurements.size() < 2 && set.holding > 1)) return false;
+  std::swap(update_, calm_update_);
+  const PoseEstimate anywhere_near = predicted(known, set.time, {kLeap, kLeap}, options_);
+  gating_.run(pose_prior(anywhere_near), set.measurements, anywhere_near.world_from_object,
+              update_);
+  const bool agreed = std::popcount(update_.accepted) > 1 || set.holding == 1;
+  if (update_.accepted == 0 || !agreed || update_.inconsistent ||
+      2.0 * update_.minimum.prior_cost > nis_limit_) {
+    std::swap(update_, calm_update_);
+    return false;
+  }
+  moved.estimate = anywhere_near;
+  moved.motion = at_least_nominal(known.motion);
+  moved.confirmations = 0;
+  return true;
 }
 
 // A prediction too loose to point at the right minimum tries the poses that the cameras propose as

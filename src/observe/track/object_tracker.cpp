@@ -7,6 +7,7 @@
 
 #include "observe/track/learned_appearance.hpp"
 #include "observe/track/model_tracker.hpp"
+#include "observe/track/second_look.hpp"
 #include "observe/track/silhouettes/picture_check.hpp"
 #include "observe/track/symmetry/symmetric_evidence.hpp"
 #include "observe/track/track_constants.hpp"
@@ -20,6 +21,7 @@ namespace {
 using observe::LearnedAppearance;
 using observe::ModelTracker;
 using observe::OccludingSphere;
+using observe::Prediction;
 using observe::TrackerCamera;
 
 // Silhouettes of poses that look nearly the same are compared so often, and sooner while the turn
@@ -116,7 +118,12 @@ class ObjectTracker::Impl {
   void initialize(State& state, const PoseAt& at, Time now);
   void gather_occluders(ObjectId object, Time time, std::span<const PoseTrackPtr> tracks);
   static void check_picture(State& state, const Frame& frame, const Rigid3& pose, Observation& out);
-  void track(State& state, const Frame& frame, const PoseAt& at, Observation& out);
+  ModelTracker::Measurement measure(State& state, const Frame& frame, const PoseAt& at,
+                                    const PoseEstimate& newest,
+                                    const ModelTracker::Learned& learned,
+                                    std::vector<PoseTermPtr>& terms);
+  void track(State& state, const Frame& frame, const PoseAt& at, const PoseEstimate& newest,
+             Observation& out);
 
   CameraId id_;
   const TrackerCamera camera_;
@@ -181,9 +188,34 @@ void ObjectTracker::Impl::initialize(State& state, const PoseAt& at, Time now) {
   state.found.reset();
 }
 
+// Around where it is predicted, and where that calls for it around where it was.
+ModelTracker::Measurement ObjectTracker::Impl::measure(State& state, const Frame& frame,
+                                                       const PoseAt& at, const PoseEstimate& newest,
+                                                       const ModelTracker::Learned& learned,
+                                                       std::vector<PoseTermPtr>& terms) {
+  const bool ambiguous = (at.estimate.degraded_reasons & kAmbiguous) != 0;
+  const Prediction predicted{at.estimate.world_from_object, at.estimate.own_covariance(),
+                             ambiguous};
+  const auto look = [&](const Prediction& around) {
+    terms.clear();
+    return state.tracker.measure(frame, around, learned, spheres_, terms);
+  };
+  const ModelTracker::Measurement first = look(predicted);
+  if (at.source != PoseSource::kPredicted || !observe::calls_for_second_look(predicted, first)) {
+    return first;
+  }
+  const auto was =
+      observe::where_it_was(newest, frame.info().capture, state.object.views->radius(), ambiguous);
+  if (!was) return first;
+  const ModelTracker::Measurement second = look(*was);
+  if (observe::agreement(second.result) > observe::agreement(first.result)) return second;
+  return look(predicted);
+}
+
 // Measures an object around its predicted pose and notes what may be learned from the frame.
+// `newest`: the last estimate of its track.
 void ObjectTracker::Impl::track(State& state, const Frame& frame, const PoseAt& at,
-                                Observation& out) {
+                                const PoseEstimate& newest, Observation& out) {
   LearnedAppearance& appearance = state.appearance;
   const bool ambiguous = (at.estimate.degraded_reasons & kAmbiguous) != 0;
   const bool certain = appearance.certain();
@@ -192,12 +224,12 @@ void ObjectTracker::Impl::track(State& state, const Frame& frame, const PoseAt& 
   const bool stale = missing && appearance.known();
   // Colors that were learned of a symmetric pose would mislead.
   const bool fresh_colors = stale || (ambiguous && certain);
-  const ModelTracker::Measurement measured = state.tracker.measure(
-      frame, {at.estimate.world_from_object, at.estimate.own_covariance(), ambiguous},
-      {fresh_colors ? nullptr : &appearance.colors(),
-       fresh_colors ? nullptr : &appearance.local_colors(), appearance.texture(),
-       !fresh_colors && appearance.from_detection()},
-      spheres_, out.terms);
+  const ModelTracker::Measurement measured =
+      measure(state, frame, at, newest,
+              {fresh_colors ? nullptr : &appearance.colors(),
+               fresh_colors ? nullptr : &appearance.local_colors(), appearance.texture(),
+               !fresh_colors && appearance.from_detection()},
+              out.terms);
   const bool learned = state.last.learned;
   state.last = measured.result;
   state.last.learned = learned;
@@ -251,7 +283,7 @@ void ObjectTracker::Impl::step(const Frame& frame, std::span<const PoseTrackPtr>
     state.last.learned = learned;
     gather_occluders(object, capture, tracks);
     initialize(state, at, capture);
-    track(state, frame, at, observation);
+    track(state, frame, at, (*found)->newest(), observation);
   }
 }
 
