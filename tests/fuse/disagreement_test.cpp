@@ -93,6 +93,10 @@ TEST(Leap, WhereAllThatSeeItAgreeItIsFollowedAtOnce) {
       EXPECT_TRUE(first->is(TrackState::kDegraded)) << "one frame of one camera";
       EXPECT_EQ(first->estimate.degraded_reasons & kUnconfirmed, kUnconfirmed);
     }
+    // 62 mm in 1/30 s are no velocity: it goes on as it did.
+    const EstimatorOptions defaults;
+    EXPECT_LE(first->estimate.twist.tail<3>().norm(), 1.001 * defaults.start_sigma_linear);
+    EXPECT_LE(first->estimate.twist.head<3>().norm(), 1.001 * defaults.start_sigma_angular);
     for (auto row = first; row != rows.end(); ++row) {
       EXPECT_LT(row->translation_error, 0.01) << cameras << " after " << row - first;
       EXPECT_LT(row->rotation_error, 0.1) << cameras << " after " << row - first;

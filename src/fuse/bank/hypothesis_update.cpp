@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "fuse/bank/hypothesis_update.hpp"
 
+#include <algorithm>
 #include <bit>
 #include <utility>
 
@@ -76,8 +77,10 @@ void HypothesisUpdate::run(const Hypothesis& hypothesis, const MeasurementSet& s
   if (update_.accepted != 0 && 2.0 * update_.minimum.prior_cost > nis_limit_) {
     update_.gated |= std::exchange(update_.accepted, 0);
   }
-  if (update_.accepted == 0 && !leap(known, set, moved)) moved.motion = known.motion;
+  const bool leapt = update_.accepted == 0 && leap(known, set, moved);
+  if (update_.accepted == 0) moved.motion = known.motion;
   outcomes.push_back(outcome_of(moved, update_, set, symmetric_, options_));
+  if (leapt) forget_velocity(known.estimate.twist, outcomes.back().hypothesis.estimate);
 }
 
 // Nobody expected it there, but that is where all that see it agree that it is, and a motion that
@@ -99,6 +102,23 @@ bool HypothesisUpdate::leap(const Hypothesis& known, const MeasurementSet& set, 
   moved.motion = at_least_nominal(known.motion);
   moved.confirmations = 0;
   return true;
+}
+
+// Nobody knows how it goes on from there: a jump over a gap in time, taken for a velocity, would
+// lead far away. What the leap says of it is believed up to what it was before, or one sigma of a
+// start.
+void HypothesisUpdate::forget_velocity(const Vector6& before, PoseEstimate& estimate) const {
+  const auto limit = [](double most, Eigen::Ref<Eigen::Vector3d> part) {
+    if (part.norm() > most) part *= most / part.norm();
+  };
+  const double angular = options_.start_sigma_angular, linear = options_.start_sigma_linear;
+  limit(std::max(angular, before.head<3>().norm()), estimate.twist.head<3>());
+  limit(std::max(linear, before.tail<3>().norm()), estimate.twist.tail<3>());
+  Vector6 sigma;
+  sigma << Eigen::Vector3d::Constant(angular), Eigen::Vector3d::Constant(linear);
+  estimate.covariance.topRightCorner<6, 6>().setZero();
+  estimate.covariance.bottomLeftCorner<6, 6>().setZero();
+  estimate.covariance.bottomRightCorner<6, 6>() = sigma.cwiseAbs2().asDiagonal();
 }
 
 // A prediction too loose to point at the right minimum tries the poses that the cameras propose as

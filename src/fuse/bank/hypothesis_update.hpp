@@ -25,6 +25,7 @@ class HypothesisUpdate {
   void reacquire(const Hypothesis& predicted, const MeasurementSet& set,
                  std::vector<Outcome>& outcomes);
   bool leap(const Hypothesis& known, const MeasurementSet& set, Hypothesis& moved);
+  void forget_velocity(const Vector6& before, PoseEstimate& estimate) const;
   MotionScale needed_motion(const GatedUpdate& update, const MotionScale& motion) const;
   bool too_loose(const PoseEstimate& estimate) const;
 
