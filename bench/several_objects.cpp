@@ -11,10 +11,9 @@
 #include <cmath>
 #include <vector>
 
+#include "claims/truth_recording.hpp"
 #include "figures.hpp"
-#include "sightline/pipeline/replay_library.hpp"
 #include "sightline/pipeline/tracking_chain.hpp"
-#include "sightline/record/evaluate.hpp"
 #include "sightline/record/replay.hpp"
 
 namespace sightline {
@@ -26,7 +25,6 @@ constexpr double kWrongMeters = 0.02, kWrongRadians = 0.175;  // of a claim, DES
 constexpr double kWithinMeters = 0.05, kWithinRadians = 0.0873;
 
 struct ObjectFigures {
-  std::vector<TruthRow> truth;
   std::vector<double> mm, deg;
   int judged = 0, within = 0, tracking = 0, wrong = 0;
 };
@@ -35,38 +33,18 @@ class Run {
  public:
   static Result<std::unique_ptr<Run>> create(const std::filesystem::path& path, size_t count) {
     std::unique_ptr<Run> run(new Run());
-    SL_ASSIGN(Recording opened, open_recording(path));
-    run->recording_ = std::make_shared<const Recording>(std::move(opened));
-    if (!run->recording_->truth) {
-      return make_error(ErrorCode::kInvalidInput, path.string(), "has no truth.csv");
-    }
-    SL_ASSIGN(const std::vector<TruthRow> truth, read_truth(*run->recording_->truth));
-    SL_ASSIGN(run->installation_, recording_installation(path));
-    if (count > run->installation_.objects.size()) {
-      return make_error(ErrorCode::kInvalidInput, path.string(), "has {} objects, not {}",
-                        run->installation_.objects.size(), count);
-    }
-    run->installation_.objects.resize(count);
-    for (ObjectConfig& object : run->installation_.objects) {
-      object.description.modalities = {false, true, true, true};
-    }
-    SL_ASSIGN(run->rig_, load_rig(run->installation_));
+    SL_ASSIGN(run->in_, bench::open_truth_recording(path, count));
     run->figures_.resize(count);
-    for (const TruthRow& row : truth) {
-      for (size_t i = 0; i < count; ++i) {
-        if (row.object == run->rig_.objects[i].named.name) run->figures_[i].truth.push_back(row);
-      }
-    }
     return run;
   }
 
   Status play() {
     std::vector<CameraId> cameras;
-    for (uint32_t i = 0; i < installation_.cameras.size(); ++i) cameras.emplace_back(i);
-    SL_ASSIGN(chain_, TrackingChain::create(installation_, rig_, cameras, nullptr));
+    for (uint32_t i = 0; i < in_.installation.cameras.size(); ++i) cameras.emplace_back(i);
+    SL_ASSIGN(chain_, TrackingChain::create(in_.installation, in_.rig, cameras, nullptr));
     SL_ASSIGN(auto replay,
-              VirtualReplay::open(recording_, {}, time_offsets(*recording_, installation_),
-                                  axis_histories(*recording_, installation_)));
+              VirtualReplay::open(in_.recording, {}, time_offsets(*in_.recording, in_.installation),
+                                  axis_histories(*in_.recording, in_.installation)));
     for (;;) {
       SL_ASSIGN(const auto frames, replay->next());
       if (!frames) return {};
@@ -94,7 +72,7 @@ class Run {
       ObjectFigures& f = figures_[i];
       const double n = std::max(1, f.judged);
       fmt::print("{} {}: {:.0f} %, {:.0f} % tracking, {:.2f} mm {:.2f} deg, {} wrong",
-                 i > 0 ? ";" : "", rig_.objects[i].named.name, 100 * f.within / n,
+                 i > 0 ? ";" : "", in_.rig.objects[i].named.name, 100 * f.within / n,
                  100 * f.tracking / n, f.mm.empty() ? -1.0 : quantile(f.mm, 0.5),
                  f.deg.empty() ? -1.0 : quantile(f.deg, 0.5), f.wrong);
     }
@@ -111,8 +89,8 @@ class Run {
     covariance.diagonal().tail<3>().setConstant(0.004 * 0.004);
     for (Observation& observation : chain_->set()) {
       if (observation.camera != frame.info().camera) continue;
-      const auto truth = truth_at(figures_.at(observation.object.index()).truth,
-                                  frame.info().capture, Duration::max());
+      const auto truth =
+          truth_at(in_.truth.at(observation.object.index()), frame.info().capture, Duration::max());
       if (!truth) continue;
       observation = chain_->observer(observation.camera)
                         ->tracker()
@@ -123,7 +101,7 @@ class Run {
   void judge(Time now) {
     for (size_t i = 0; i < figures_.size(); ++i) {
       ObjectFigures& f = figures_[i];
-      const auto truth = truth_at(f.truth, now, Duration::max());
+      const auto truth = truth_at(in_.truth[i], now, Duration::max());
       if (!truth) continue;
       ++f.judged;
       const PoseEstimate& newest = chain_->tracks()[i]->newest();
@@ -141,15 +119,13 @@ class Run {
 
   // Turns about a declared axis mean nothing.
   double angle(size_t object, const Rigid3& a, const Rigid3& b) const {
-    const auto& axis = rig_.objects[object].shape_symmetry.axis;
+    const auto& axis = in_.rig.objects[object].shape_symmetry.axis;
     if (!axis || !axis->declared) return rotation_angle(a, b);
     const Eigen::Vector3d u = a.rotation * axis->direction, v = b.rotation * axis->direction;
     return std::atan2(u.cross(v).norm(), u.dot(v));
   }
 
-  std::shared_ptr<const Recording> recording_;
-  Installation installation_;
-  Rig rig_;
+  bench::TruthRecording in_;
   std::unique_ptr<TrackingChain> chain_;
   std::vector<ObjectFigures> figures_;  // by ObjectId
   std::vector<double> cpu_;

@@ -11,10 +11,9 @@
 #include <string_view>
 #include <vector>
 
+#include "claims/truth_recording.hpp"
 #include "figures.hpp"
-#include "sightline/pipeline/replay_library.hpp"
 #include "sightline/pipeline/timed_search.hpp"
-#include "sightline/record/evaluate.hpp"
 #include "sightline/record/replay.hpp"
 
 namespace sightline {
@@ -25,7 +24,6 @@ using bench::quantile;
 constexpr double kAboutMm = 60, kAboutDeg = 40;
 
 struct Figures {
-  std::vector<TruthRow> truth;
   int seen = 0;
   std::vector<double> mm, deg;  ///< of those about right
 };
@@ -35,36 +33,21 @@ class Searching {
   static Result<std::unique_ptr<Searching>> create(const std::filesystem::path& path,
                                                    double cost_factor) {
     std::unique_ptr<Searching> run(new Searching());
-    SL_ASSIGN(Recording opened, open_recording(path));
-    run->recording_ = std::make_shared<const Recording>(std::move(opened));
-    if (!run->recording_->truth) {
-      return make_error(ErrorCode::kInvalidInput, path.string(), "has no truth.csv");
-    }
-    SL_ASSIGN(const std::vector<TruthRow> truth, read_truth(*run->recording_->truth));
-    SL_ASSIGN(run->installation_, recording_installation(path));
-    for (ObjectConfig& object : run->installation_.objects) {
-      object.description.modalities = {false, true, true, true};
-    }
-    SL_ASSIGN(run->rig_, load_rig(run->installation_));
-    SL_ASSIGN(run->search_, ObjectSearch::create(run->installation_, run->rig_));
+    SL_ASSIGN(run->in_, bench::open_truth_recording(path));
+    SL_ASSIGN(run->search_, ObjectSearch::create(run->in_.installation, run->in_.rig));
     if (!run->search_) {
       return make_error(ErrorCode::kInvalidInput, path.string(), "nothing to search for");
     }
-    run->timed_ = std::make_unique<TimedSearch>(*run->search_, run->installation_.cameras.size(),
+    run->timed_ = std::make_unique<TimedSearch>(*run->search_, run->in_.installation.cameras.size(),
                                                 cost_factor);
-    run->figures_.resize(run->rig_.objects.size());
-    for (const TruthRow& row : truth) {
-      for (size_t i = 0; i < run->figures_.size(); ++i) {
-        if (row.object == run->rig_.objects[i].named.name) run->figures_[i].truth.push_back(row);
-      }
-    }
+    run->figures_.resize(run->in_.rig.objects.size());
     return run;
   }
 
   Status play() {
     SL_ASSIGN(auto replay,
-              VirtualReplay::open(recording_, {}, time_offsets(*recording_, installation_),
-                                  axis_histories(*recording_, installation_)));
+              VirtualReplay::open(in_.recording, {}, time_offsets(*in_.recording, in_.installation),
+                                  axis_histories(*in_.recording, in_.installation)));
     for (;;) {
       SL_ASSIGN(const auto frames, replay->next());
       if (!frames) return {};
@@ -80,8 +63,8 @@ class Searching {
   void print(std::vector<double>& mm, std::vector<double>& deg) const {
     for (size_t i = 0; i < figures_.size(); ++i) {
       const Figures& f = figures_[i];
-      fmt::print("| {}: {} | {} | {:.0f} % | {:.1f}, {:.1f} | {:.1f}, {:.1f} |\n", recording_->name,
-                 rig_.objects[i].named.name, f.seen,
+      fmt::print("| {}: {} | {} | {:.0f} % | {:.1f}, {:.1f} | {:.1f}, {:.1f} |\n",
+                 in_.recording->name, in_.rig.objects[i].named.name, f.seen,
                  100.0 * static_cast<double>(f.mm.size()) / std::max(1, f.seen),
                  quantile(f.mm, 0.5), quantile(f.mm, 0.9), quantile(f.deg, 0.5),
                  quantile(f.deg, 0.9));
@@ -95,11 +78,11 @@ class Searching {
 
   void judge(const Observation& found) {
     Figures& f = figures_.at(found.object.index());
-    const auto truth = truth_at(f.truth, found.capture, Duration::max());
+    const auto truth = truth_at(in_.truth[found.object.index()], found.capture, Duration::max());
     if (!truth || found.hypotheses.empty()) return;
     const Rigid3& pose = found.hypotheses.front().world_from_object;
     const double mm = 1e3 * translation_distance(pose, *truth);
-    const ViewpointModel& model = *rig_.objects[found.object.index()].views;
+    const ViewpointModel& model = *in_.rig.objects[found.object.index()].views;
     const double deg = 57.2958 * model.angle_up_to_symmetry(pose, *truth);
     ++f.seen;
     if (mm > kAboutMm || deg > kAboutDeg) return;
@@ -107,9 +90,7 @@ class Searching {
     f.deg.push_back(deg);
   }
 
-  std::shared_ptr<const Recording> recording_;
-  Installation installation_;
-  Rig rig_;
+  bench::TruthRecording in_;
   std::unique_ptr<ObjectSearch> search_;
   std::unique_ptr<TimedSearch> timed_;
   std::vector<Figures> figures_;  // by object

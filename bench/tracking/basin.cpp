@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// From how far off does a look lead back to the object? In recordings with truth and by one camera
-// alone: the tracker knows the object's colors from where it was in the frame before; then it is
-// told a pose that is off by a step in a random direction, and the covariance of such steps. Prints
-// a Markdown table by object and size of the step: looks whose fit is within 15 % of the diameter
-// and 10 degrees of the truth (up to the symmetry of the shape), and in brackets those that fit
-// something else.
+// The basin of convergence of a look: from how far off it leads back to the object. In recordings
+// with truth and by one camera alone: the tracker knows the object's colors from where it was in
+// the frame before; then it is told a pose that is off by a step in a random direction, and the
+// covariance of such steps. Prints a Markdown table by object and size of the step: looks whose fit
+// is within 15 % of the diameter and 10 degrees of the truth (up to the symmetry of the shape), and
+// in brackets those that fit something else.
 //   basin [--every SETS] RECORDING ...
 #include <fmt/format.h>
 
@@ -19,9 +19,8 @@
 #include <string_view>
 #include <vector>
 
-#include "sightline/pipeline/replay_library.hpp"
+#include "claims/truth_recording.hpp"
 #include "sightline/pipeline/tracking_chain.hpp"
-#include "sightline/record/evaluate.hpp"
 #include "sightline/record/replay.hpp"
 
 namespace sightline {
@@ -47,7 +46,6 @@ struct Tally {
 };
 
 struct Figures {
-  std::vector<TruthRow> truth;
   int looks = 0;
   std::array<Tally, kSteps.size()> steps;
 };
@@ -88,34 +86,20 @@ class Basin {
   static Result<std::unique_ptr<Basin>> create(const std::filesystem::path& path, int every) {
     std::unique_ptr<Basin> run(new Basin());
     run->every_ = every;
-    SL_ASSIGN(Recording opened, open_recording(path));
-    run->recording_ = std::make_shared<const Recording>(std::move(opened));
-    if (!run->recording_->truth) {
-      return make_error(ErrorCode::kInvalidInput, path.string(), "has no truth.csv");
-    }
-    SL_ASSIGN(const std::vector<TruthRow> truth, read_truth(*run->recording_->truth));
-    SL_ASSIGN(run->installation_, recording_installation(path));
-    for (ObjectConfig& object : run->installation_.objects) {
-      object.description.modalities = {false, true, true, true};
-    }
-    SL_ASSIGN(run->rig_, load_rig(run->installation_));
+    SL_ASSIGN(run->in_, bench::open_truth_recording(path));
     std::vector<CameraId> cameras;
-    for (uint32_t i = 0; i < run->installation_.cameras.size(); ++i) cameras.emplace_back(i);
-    SL_ASSIGN(run->chain_, TrackingChain::create(run->installation_, run->rig_, cameras, nullptr));
+    for (uint32_t i = 0; i < run->in_.installation.cameras.size(); ++i) cameras.emplace_back(i);
+    SL_ASSIGN(run->chain_,
+              TrackingChain::create(run->in_.installation, run->in_.rig, cameras, nullptr));
     run->before_.resize(cameras.size());
-    run->figures_.resize(run->rig_.objects.size());
-    for (const TruthRow& row : truth) {
-      for (size_t i = 0; i < run->figures_.size(); ++i) {
-        if (row.object == run->rig_.objects[i].named.name) run->figures_[i].truth.push_back(row);
-      }
-    }
+    run->figures_.resize(run->in_.rig.objects.size());
     return run;
   }
 
   Status play() {
     SL_ASSIGN(auto replay,
-              VirtualReplay::open(recording_, {}, time_offsets(*recording_, installation_),
-                                  axis_histories(*recording_, installation_)));
+              VirtualReplay::open(in_.recording, {}, time_offsets(*in_.recording, in_.installation),
+                                  axis_histories(*in_.recording, in_.installation)));
     for (int set = 0;; ++set) {
       SL_ASSIGN(const auto frames, replay->next());
       if (!frames) return {};
@@ -132,7 +116,7 @@ class Basin {
   void print(std::array<double, kSteps.size()>& sums, int& objects) const {
     for (size_t i = 0; i < figures_.size(); ++i) {
       const Figures& f = figures_[i];
-      fmt::print("| {}: {} | {} |", recording_->name, rig_.objects[i].named.name, f.looks);
+      fmt::print("| {}: {} | {} |", in_.recording->name, in_.rig.objects[i].named.name, f.looks);
       for (size_t s = 0; s < kSteps.size(); ++s) {
         const double percent = 100.0 / std::max(1, f.looks);
         fmt::print(" {:.0f} ({:.0f}) |", percent * f.steps[s].right, percent * f.steps[s].wrong);
@@ -162,13 +146,13 @@ class Basin {
   void try_steps(size_t object, const FramePtr& before, const FramePtr& frame) {
     Figures& figures = figures_[object];
     constexpr Duration kGap = std::chrono::milliseconds(50);
-    const auto was = truth_at(figures.truth, before->info().capture, kGap);
-    const auto is = truth_at(figures.truth, frame->info().capture, kGap);
+    const auto was = truth_at(in_.truth[object], before->info().capture, kGap);
+    const auto is = truth_at(in_.truth[object], frame->info().capture, kGap);
     const CameraId camera = frame->info().camera;
     if (!was || !is || !inside(camera, *is * views(object).center())) return;
     const ObjectId id(static_cast<uint32_t>(object));
     const Rigid3 camera_from_world =
-        installation_.cameras[camera.index()].calibration.world_from_camera.inverse();
+        in_.installation.cameras[camera.index()].calibration.world_from_camera.inverse();
     const PoseEstimate sure =
         tracked(id, before->info().capture, camera, *was, Matrix6::Identity() * 1e-6);
     for (size_t s = 0; s < kSteps.size(); ++s) {
@@ -210,19 +194,17 @@ class Basin {
   }
 
   bool inside(CameraId camera, const Eigen::Vector3d& point) const {
-    const CalibratedCamera& calibration = installation_.cameras[camera.index()].calibration;
+    const CalibratedCamera& calibration = in_.installation.cameras[camera.index()].calibration;
     const auto pixel = calibration.model.project(calibration.world_from_camera.inverse() * point);
     const CameraModel::Parameters& p = calibration.model.parameters();
     return pixel && pixel->x() >= 0 && pixel->y() >= 0 && pixel->x() < p.width &&
            pixel->y() < p.height;
   }
 
-  const ViewpointModel& views(size_t object) const { return *rig_.objects[object].views; }
+  const ViewpointModel& views(size_t object) const { return *in_.rig.objects[object].views; }
 
   int every_ = 1;
-  std::shared_ptr<const Recording> recording_;
-  Installation installation_;
-  Rig rig_;
+  bench::TruthRecording in_;
   std::unique_ptr<TrackingChain> chain_;
   std::vector<FramePtr> before_;  // by camera
   std::vector<Figures> figures_;  // by object

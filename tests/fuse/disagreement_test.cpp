@@ -69,18 +69,18 @@ TEST(Reset, AKidnappedObjectIsFollowedWithoutAWrongClaim) {
 
 // Farther than it was ever seen to move between two frames, but no farther than a motion that turns
 // back at once may get.
-Vector6 leap() {
-  Vector6 leap;
-  leap << 0.1, 0.25, 0, 0.05, -0.03, 0.02;
-  return leap;
+Vector6 maneuver() {
+  Vector6 maneuver;
+  maneuver << 0.1, 0.25, 0, 0.05, -0.03, 0.02;
+  return maneuver;
 }
 
-TEST(Leap, WhereAllThatSeeItAgreeItIsFollowedAtOnce) {
+TEST(Maneuver, WhereAllThatSeeItAgreeItIsFollowedAtOnce) {
   for (const int cameras : {1, 2, 3}) {
     RigOptions options = moving_rig(cameras);
     options.phases.assign(static_cast<size_t>(cameras), 0);
     options.motion.jump_at = time_from_ns(1'000'000'000);
-    options.motion.jump = Rigid3::exp(leap());
+    options.motion.jump = Rigid3::exp(maneuver());
     auto estimator = make();
     const auto rows = run(SyntheticRig(options), estimator);
     EXPECT_EQ(wrong_claims(rows), 0) << cameras;
@@ -104,16 +104,33 @@ TEST(Leap, WhereAllThatSeeItAgreeItIsFollowedAtOnce) {
   }
 }
 
-TEST(Leap, OneCameraOfSeveralIsNotFollowed) {
+TEST(Maneuver, OneCameraOfSeveralIsNotFollowed) {
   for (const int cameras : {2, 3}) {
     RigOptions options = moving_rig(cameras);  // free-running: it is alone in its sets
-    options.wrong_poses = {{1, milliseconds(700), milliseconds(1300), Rigid3::exp(leap())}};
+    options.wrong_poses = {{1, milliseconds(700), milliseconds(1300), Rigid3::exp(maneuver())}};
     auto estimator = make();
     const auto rows = run(SyntheticRig(options), estimator);
     EXPECT_EQ(wrong_claims(rows), 0) << cameras;
     EXPECT_GT(estimator.counters().gated, 12u) << cameras;
     EXPECT_LT(rms_translation(rows, 6), 0.004) << cameras;
   }
+}
+
+// 0.13 s without a frame do not let one camera take the object half a meter away at once.
+TEST(Maneuver, AGapDoesNotLeadAnywhere) {
+  RigOptions options = moving_rig(1);
+  options.occlusions = {{-1, milliseconds(870), milliseconds(1000)}};
+  options.motion.jump_at = time_from_ns(1'000'000'000);
+  options.motion.jump = Rigid3(Eigen::Quaterniond::Identity(), {0, 0.25, 0});
+  auto estimator = make();
+  const auto rows = run(SyntheticRig(options), estimator);
+  EXPECT_EQ(wrong_claims(rows), 0);
+  const auto first = std::find_if(rows.begin(), rows.end(), [&](const Row& row) {
+    return row.estimate.time >= options.motion.jump_at;
+  });
+  ASSERT_NE(first, rows.end());
+  EXPECT_TRUE(first->is(TrackState::kCoasting)) << first->translation_error;
+  EXPECT_LT(rows.back().translation_error, 0.01) << "found there by its third frame";
 }
 
 struct Health {

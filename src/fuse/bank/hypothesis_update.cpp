@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <utility>
 
 #include "fuse/bank/prediction.hpp"
@@ -13,9 +14,9 @@ namespace sightline::fuse {
 namespace {
 
 constexpr double kNisAlarm = 16.8;  // 99 % of chi-square with 6 dof
-// Power of the accelerations of a leap, next to the nominal ones: 60 mm + 13 deg in 1/30 s, one
-// sigma.
-constexpr double kLeap = 64;
+// Power of the accelerations of a maneuver, next to the nominal ones: 60 mm + 13 deg in 1/30 s, one
+// sigma. Over a longer gap no more than that: anything may be anywhere then.
+constexpr double kManeuver = 64, kManeuverSeconds = 1.0 / 30;
 
 }  // namespace
 
@@ -77,19 +78,24 @@ void HypothesisUpdate::run(const Hypothesis& hypothesis, const MeasurementSet& s
   if (update_.accepted != 0 && 2.0 * update_.minimum.prior_cost > nis_limit_) {
     update_.gated |= std::exchange(update_.accepted, 0);
   }
-  const bool leapt = update_.accepted == 0 && leap(known, set, moved);
+  const bool maneuvered = update_.accepted == 0 && follow_maneuver(known, set, moved);
   if (update_.accepted == 0) moved.motion = known.motion;
   outcomes.push_back(outcome_of(moved, update_, set, symmetric_, options_));
-  if (leapt) forget_velocity(known.estimate.twist, outcomes.back().hypothesis.estimate);
+  if (maneuvered) forget_velocity(known.estimate.twist, outcomes.back().hypothesis.estimate);
 }
 
 // Nobody expected it there, but that is where all that see it agree that it is, and a motion that
 // turns back at once can have led there. It has to be confirmed anew. One camera of several does
-// not count: it may have found something else.
-bool HypothesisUpdate::leap(const Hypothesis& known, const MeasurementSet& set, Hypothesis& moved) {
+// not count: it may have found something else. (Adjustable level of process noise: Bar-Shalom, Li,
+// Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, ch. 11.)
+bool HypothesisUpdate::follow_maneuver(const Hypothesis& known, const MeasurementSet& set,
+                                       Hypothesis& moved) {
   if (!options_.adapt_motion || (set.measurements.size() < 2 && set.holding > 1)) return false;
+  const double seconds = to_seconds(set.time - known.estimate.last_measured);
+  const double power = kManeuver * std::pow(std::min(1.0, kManeuverSeconds / seconds), 3);
+  if (!(power > 1)) return false;  // the nominal motion has been tried
   std::swap(update_, calm_update_);
-  const PoseEstimate anywhere_near = predicted(known, set.time, {kLeap, kLeap}, options_);
+  const PoseEstimate anywhere_near = predicted(known, set.time, {power, power}, options_);
   gating_.run(pose_prior(anywhere_near), set.measurements, anywhere_near.world_from_object,
               update_);
   const bool agreed = std::popcount(update_.accepted) > 1 || set.holding == 1;
@@ -105,8 +111,8 @@ bool HypothesisUpdate::leap(const Hypothesis& known, const MeasurementSet& set, 
 }
 
 // Nobody knows how it goes on from there: a jump over a gap in time, taken for a velocity, would
-// lead far away. What the leap says of it is believed up to what it was before, or one sigma of a
-// start.
+// lead far away. What the maneuver says of it is believed up to what it was before, or one sigma of
+// a start.
 void HypothesisUpdate::forget_velocity(const Vector6& before, PoseEstimate& estimate) const {
   const auto limit = [](double most, Eigen::Ref<Eigen::Vector3d> part) {
     if (part.norm() > most) part *= most / part.norm();

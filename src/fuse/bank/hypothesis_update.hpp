@@ -24,7 +24,7 @@ class HypothesisUpdate {
   Hypothesis with_symmetry_evidence(const Hypothesis& hypothesis, const MeasurementSet& set) const;
   void reacquire(const Hypothesis& predicted, const MeasurementSet& set,
                  std::vector<Outcome>& outcomes);
-  bool leap(const Hypothesis& known, const MeasurementSet& set, Hypothesis& moved);
+  bool follow_maneuver(const Hypothesis& known, const MeasurementSet& set, Hypothesis& moved);
   void forget_velocity(const Vector6& before, PoseEstimate& estimate) const;
   MotionScale needed_motion(const GatedUpdate& update, const MotionScale& motion) const;
   bool too_loose(const PoseEstimate& estimate) const;

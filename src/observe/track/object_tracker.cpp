@@ -209,7 +209,9 @@ ModelTracker::Measurement ObjectTracker::Impl::measure(State& state, const Frame
   if (!was) return first;
   const ModelTracker::Measurement second = look(*was);
   if (observe::agreement(second.result) > observe::agreement(first.result)) return second;
-  return look(predicted);
+  if (first.result.seen) return look(predicted);  // terms and outline as they were
+  terms.clear();
+  return first;
 }
 
 // Measures an object around its predicted pose and notes what may be learned from the frame.
