@@ -156,11 +156,22 @@ def count_states(rows):
     return {state: sum(row["state"] == state for row in rows) for state in STATES_WITH_POSE}
 
 
+def alike_objects(recording):
+    """Names of objects that have the same mesh, by mesh."""
+    by_mesh = {}
+    for object_file in recording.objects:
+        shape = [line for line in mesh_path(object_file).read_bytes().splitlines() if line[:2] in (b"v ", b"f ")]
+        by_mesh.setdefault(hash(tuple(shape) or mesh_path(object_file)), []).append(object_name(object_file))
+    return [names for names in by_mesh.values() if len(names) > 1]
+
+
 def evaluate(binaries, recording, poses):
     """What `sightline evaluate` says of a pose log, per object."""
     command = ["evaluate", "--json", recording.truth, poses]
     for object_file in recording.objects:
         command += ["--object", object_file]
+    for names in alike_objects(recording):
+        command += ["--alike", ",".join(names)]
     return json.loads(run_sightline(binaries, *command, timeout_s=120))["objects"]
 
 

@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -25,6 +26,7 @@ struct EvaluateCommandOptions {
   std::filesystem::path truth;
   std::filesystem::path poses;
   std::vector<std::filesystem::path> object_files;  ///< whose symmetry counts
+  std::vector<std::string> alike;                   ///< names, separated by commas
   bool keyframes = false;                           ///< the truth holds at its own times only
   bool json = false;
 };
@@ -48,6 +50,21 @@ Result<Evaluation> evaluate_files(const EvaluateCommandOptions& options) {
   SL_ASSIGN(const auto poses, read_pose_log(options.poses));
   EvaluateOptions rules;
   rules.keyframes = options.keyframes || options.truth.filename() == "keyframes.csv";
+  for (const std::string& names : options.alike) {
+    rules.alike.push_back(CLI::detail::split(names, ','));
+    if (rules.alike.back().size() > EvaluateOptions::kMostAlike) {
+      return make_error(ErrorCode::kInvalidInput, "--alike", "{} names, at most {} of a kind",
+                        rules.alike.back().size(), EvaluateOptions::kMostAlike);
+    }
+    for (const std::string& name : rules.alike.back()) {
+      const bool known = std::any_of(truth.begin(), truth.end(),
+                                     [&](const TruthRow& row) { return row.object == name; });
+      if (!known) {
+        return make_error(ErrorCode::kInvalidInput, "--alike", "no truth of '{}' in {}", name,
+                          options.truth.string());
+      }
+    }
+  }
   for (const auto& file : options.object_files) {
     SL_ASSIGN(const ObjectDescription object, read_object_file(file));
     rules.symmetry[object.name] = {object.symmetry, object.symmetry_axis, object.symmetry_order};
@@ -79,6 +96,12 @@ void add_evaluate(CLI::App& app, Command& chosen) {
       ->add_option("--object", options->object_files,
                    "object file whose symmetry the errors respect; with keyframes, also those that "
                    "its mesh has, and positions are those of its middle; may be repeated")
+      ->allow_extra_args(false);
+  command
+      ->add_option("--alike", options->alike,
+                   "NAME,NAME[,...]: they look the same, so that nobody can say which is which at "
+                   "first: the log's names are given to them as fits the truth best, once; may be "
+                   "repeated")
       ->allow_extra_args(false);
   command->add_flag("--keyframes", options->keyframes,
                     "the truth holds at its own times only, and each is judged (default for a file "

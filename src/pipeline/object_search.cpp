@@ -2,6 +2,7 @@
 #include "sightline/pipeline/object_search.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "pipeline/search/found_frames.hpp"
@@ -12,7 +13,8 @@
 namespace sightline {
 namespace {
 
-constexpr Duration kEager = std::chrono::seconds(10);     // after it went missing: no bound on cost
+constexpr Duration kEager = std::chrono::seconds(10);  // after it went missing: no bound on cost
+constexpr Duration kArriving = std::chrono::milliseconds(500);  // from handed out to its track
 constexpr Duration kForgotten = std::chrono::seconds(5);  // without a search: it goes missing anew
 
 // Null where the mesh has no colors.
@@ -50,9 +52,11 @@ Result<std::unique_ptr<ObjectSearch>> ObjectSearch::create(const Installation& i
   }
   if (cameras.empty()) return std::unique_ptr<ObjectSearch>();
   search->cameras_ = cameras;
+  const std::vector<AlikeObject> alike = rig.alike();
   for (const RigObject& object : rig.objects) {
     if (has_markers(object.description)) continue;
     SL_RETURN_IF_ERROR(search->add_target(installation, object, cameras));
+    search->targets_.back().alike = alike[object.named.id.index()];
   }
   if (search->targets_.empty()) return std::unique_ptr<ObjectSearch>();
   return search;
@@ -103,11 +107,12 @@ bool ObjectSearch::due(Time now, std::span<const PoseTrackPtr> tracks) const {
   });
 }
 
-void ObjectSearch::find_known(Time time, std::span<const PoseTrackPtr> tracks, bool coasting) {
+void ObjectSearch::find_known(Time time, std::span<const PoseTrackPtr> tracks, bool coasting,
+                              const Target* but) {
   known_.clear();
   for (const Target& target : targets_) {
     const size_t index = target.object.index();
-    if (index >= tracks.size() || !tracks[index]) continue;
+    if (&target == but || index >= tracks.size() || !tracks[index]) continue;
     const PoseAt at = tracks[index]->at(time);
     if (at.source == PoseSource::kNone || !has_pose(at.estimate.state)) continue;
     if (at.estimate.state == TrackState::kCoasting && !coasting) continue;
@@ -201,10 +206,44 @@ void ObjectSearch::take_messages() {
       target.told = message.told;
       target.pause = Duration(0);
       if (message.told) continue;
-      target.found = {};
+      target.found = target.handed = {};
       target.detector->forget();
     }
   }
+}
+
+void ObjectSearch::set_others(Target& target, Time now, std::span<const PoseTrackPtr> tracks) {
+  if (targets_.size() < 2) return;
+  find_known(now, tracks, false, &target);
+  size_t alike = 0;
+  for (const Target& other : targets_) {
+    if (&other == &target || !missing(other, now, tracks)) continue;
+    const double age = to_seconds(now - other.handed.time);
+    if (!other.handed.poses.empty() && std::abs(age) < to_seconds(kArriving)) {
+      const DetectedPose& pose = other.handed.poses.front();
+      known_.push_back({other.views.get(), pose.world_from_object * Rigid3::exp(pose.twist * age)});
+    } else {
+      alike += look_alike(target, other) ? 1 : 0;
+    }
+  }
+  target.detector->set_others(known_, alike);
+}
+
+bool ObjectSearch::look_alike(const Target& a, const Target& b) {
+  return a.alike.kind >= 0 && a.alike.kind == b.alike.kind;
+}
+
+bool ObjectSearch::doubles(const Target& target, const Rigid3& pose, Time now,
+                           std::span<const PoseTrackPtr> tracks) const {
+  const Eigen::Vector3d place = pose * target.alike.center;
+  return std::any_of(targets_.begin(), targets_.end(), [&](const Target& other) {
+    if (&other == &target || !look_alike(target, other)) return false;
+    if (other.handed.time > target.handed.time || missing(other, now, tracks)) return false;
+    const PoseAt at = tracks[other.object.index()]->at(now);
+    return at.source != PoseSource::kNone &&
+           (at.estimate.world_from_object * other.alike.center - place).norm() <
+               target.alike.thickness;
+  });
 }
 
 Detection ObjectSearch::look_where_told(Target& target, Time now) {
@@ -254,8 +293,10 @@ std::vector<Observation> ObjectSearch::search(Time now, std::span<const PoseTrac
   }
   // A check takes a tenth of a search, and until it is done nothing is claimed.
   if (checked != nullptr && (next == nullptr || doubted(*checked))) {
+    set_others(*checked, now, tracks);
     check(*checked, now, tracks, out);
   } else if (next != nullptr) {
+    set_others(*next, now, tracks);
     search(*next, now, out);
   }
   return out;
@@ -300,7 +341,9 @@ void ObjectSearch::check(Target& target, Time now, std::span<const PoseTrackPtr>
     return;
   }
   Detection other;
-  if (target.proof.refuted_by(*target.views, pose, compared)) {
+  if (doubles(target, pose, now, tracks)) {
+    other = look_everywhere(target);
+  } else if (target.proof.refuted_by(*target.views, pose, compared)) {
     other = target.policy.by_outline(std::move(compared.best), target.colors.get());
   } else if (target.proof.take_doubts()) {  // it may be covered; then nothing is found elsewhere
     other = look_everywhere(target);
@@ -321,7 +364,9 @@ void ObjectSearch::check(Target& target, Time now, std::span<const PoseTrackPtr>
   hand_out(target, out);
 }
 
-void ObjectSearch::hand_out(const Target& target, std::vector<Observation>& out) const {
+void ObjectSearch::hand_out(Target& target, std::vector<Observation>& out) const {
+  target.handed = target.found;
+  target.handed.observations.clear();
   if (found_frames_) found_frames_->offer(target.found, *target.views, target.refutes);
   for (const Observation& observation : target.found.observations) {
     out.push_back(observation);

@@ -2,7 +2,9 @@
 #include "sightline/record/evaluate.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <iterator>
 #include <numbers>
 #include <set>
 
@@ -169,6 +171,70 @@ class ObjectJudge {
   std::set<Time> key_frames_within_, key_frames_within_symmetric_;
 };
 
+using TruthByObject = std::map<std::string, Truth>;
+
+ObjectEvaluation evaluate_object(const TruthByObject::value_type& object,
+                                 const std::string& logged_as, std::span<const PoseLogRow> poses,
+                                 const EvaluateOptions& options) {
+  ObjectJudge judge(object.first, object.second, options);
+  for (const PoseLogRow& row : poses) {
+    if (row.object == logged_as) judge.add(row);
+  }
+  ObjectEvaluation out = judge.finish();
+  out.logged_as = logged_as;
+  return out;
+}
+
+// Of one group of objects that look the same: the order of the logged names with which most rows
+// are within the limits; their own where that is as good. By dynamic programming over the sets of
+// names that are given away (Held and Karp 1962), so that eight cost no more than a moment.
+std::vector<size_t> best_order(const std::vector<std::vector<size_t>>& within) {
+  const size_t count = within.size(), sets = size_t{1} << count;
+  std::vector<size_t> most(sets, 0), last(sets, 0);
+  for (size_t set = 1; set < sets; ++set) {
+    const auto object = static_cast<size_t>(std::popcount(set)) - 1;
+    bool first = true;
+    // From its own name on: that is kept where others are as good.
+    for (size_t k = 0; k < count; ++k) {
+      const size_t name = (object + k) % count;
+      if ((set >> name & 1) == 0) continue;
+      const size_t sum = most[set ^ size_t{1} << name] + within[object][name];
+      if (!first && sum <= most[set]) continue;
+      first = false;
+      most[set] = sum;
+      last[set] = name;
+    }
+  }
+  std::vector<size_t> order(count);
+  for (size_t object = count, set = sets - 1; object-- > 0; set ^= size_t{1} << order[object]) {
+    order[object] = last[set];
+  }
+  return order;
+}
+
+// The logged names of objects that look the same, by their own.
+std::map<std::string, std::string> match_names(const TruthByObject& truth,
+                                               std::span<const PoseLogRow> poses,
+                                               const EvaluateOptions& options) {
+  std::map<std::string, std::string> out;
+  for (const std::vector<std::string>& group : options.alike) {
+    std::vector<std::string> names;
+    std::copy_if(group.begin(), group.end(), std::back_inserter(names),
+                 [&](const std::string& name) { return truth.contains(name); });
+    if (names.size() > EvaluateOptions::kMostAlike) continue;
+    std::vector<std::vector<size_t>> within;
+    for (const std::string& name : names) {
+      within.emplace_back();
+      for (const std::string& other : names) {
+        within.back().push_back(evaluate_object(*truth.find(name), other, poses, options).within);
+      }
+    }
+    const std::vector<size_t> order = best_order(within);
+    for (size_t i = 0; i < names.size(); ++i) out[names[i]] = names[order[i]];
+  }
+  return out;
+}
+
 }  // namespace
 
 std::optional<Rigid3> truth_at(std::span<const TruthRow> truth, Time time, Duration max_gap) {
@@ -220,18 +286,19 @@ PoseError pose_error(const Rigid3& truth, const Rigid3& pose, const SymmetryOpti
 
 Evaluation evaluate(std::span<const TruthRow> truth, std::span<const PoseLogRow> poses,
                     const EvaluateOptions& options) {
-  std::map<std::string, Truth> by_object;
+  TruthByObject by_object;
   for (const auto& row : truth) by_object[row.object].push_back(row);
   Evaluation out;
   out.keyframes = options.keyframes;
   for (auto& [name, rows] : by_object) {
     std::stable_sort(rows.begin(), rows.end(),
                      [](const TruthRow& a, const TruthRow& b) { return a.time < b.time; });
-    ObjectJudge judge(name, rows, options);
-    for (const PoseLogRow& row : poses) {
-      if (row.object == name) judge.add(row);
-    }
-    out.objects.push_back(judge.finish());
+  }
+  const std::map<std::string, std::string> logged = match_names(by_object, poses, options);
+  for (const auto& [name, rows] : by_object) {
+    const auto other = logged.find(name);
+    const std::string& logged_as = other == logged.end() ? name : other->second;
+    out.objects.push_back(evaluate_object({name, rows}, logged_as, poses, options));
   }
   std::set<std::string> unknown;
   for (const auto& row : poses) {

@@ -47,6 +47,7 @@ ordered_json to_json(const ObjectEvaluation& object) {
   ordered_json wrong = ordered_json::array();
   for (const Time time : object.wrong_claims) wrong.push_back(to_ns(time));
   ordered_json out = {{"object", object.object},
+                      {"logged_as", object.logged_as},
                       {"rows", object.rows},
                       {"state_rows", rows},
                       {"errors", to_json(object.all)},
@@ -74,7 +75,9 @@ ordered_json to_json(const ObjectEvaluation& object) {
 std::string to_text(const Evaluation& evaluation) {
   std::string text;
   for (const auto& object : evaluation.objects) {
-    text += fmt::format("object {}: {} rows, {} with a pose and truth\n", object.object,
+    const bool own_name = object.logged_as == object.object;
+    text += fmt::format("object {}{}: {} rows, {} with a pose and truth\n", object.object,
+                        own_name ? "" : fmt::format(" (logged as {})", object.logged_as),
                         object.rows, object.all.count);
     text +=
         fmt::format("  {:<10} {:>6} {:>29} {:>29}\n", "", "", "translation [mm]", "rotation [deg]");

@@ -225,5 +225,49 @@ TEST(Evaluate, NamesThatAreNotUtf8StillPrint) {
   EXPECT_TRUE(nlohmann::json::accept(to_json(evaluate(truth, {}))));
 }
 
+// Three that look the same, logged under names that go round; the first two are exchanged later on.
+TEST(Evaluate, NamesOfAlikeObjectsFitTheTruthOnce) {
+  const std::vector<std::string> names = {"a", "b", "c"};
+  const auto place = [](size_t i) {
+    return Rigid3(Eigen::Quaterniond::Identity(), {0.3 * static_cast<double>(i), 0, 0});
+  };
+  std::vector<TruthRow> truth;
+  std::vector<PoseLogRow> rows;
+  for (int ms = 0; ms <= 100; ms += 10) {
+    for (size_t i = 0; i < 3; ++i) {
+      truth.push_back({at_ms(ms), names[i], place(i)});
+      const bool swapped = ms >= 80 && i < 2;
+      rows.push_back(row_at(ms, place(swapped ? 1 - i : i)));
+      rows.back().object = names[(i + 1) % 3];
+    }
+  }
+  for (const ObjectEvaluation& object : evaluate(truth, rows).objects) {
+    EXPECT_EQ(object.logged_as, object.object);
+    EXPECT_LE(object.within, 3u);
+  }
+  EvaluateOptions options;
+  options.alike = {{"c", "a", "b", "unknown"}};
+  const Evaluation matched = evaluate(truth, rows, options);
+  for (size_t i = 0; i < 3; ++i) {
+    const ObjectEvaluation& object = matched.objects[i];
+    EXPECT_EQ(object.logged_as, names[(i + 1) % 3]);
+    EXPECT_EQ(object.within, i < 2 ? 8u : 11u);
+    EXPECT_EQ(object.wrong_claims.size(), i < 2 ? 3u : 0u) << "a swap is an error";
+  }
+  EXPECT_THAT(to_text(matched), testing::HasSubstr("object a (logged as b)"));
+  options.alike = {{"a", "b"}};
+  EXPECT_EQ(evaluate(truth, rows, options).objects[2].logged_as, "c");
+}
+
+TEST(Evaluate, NamesOfAlikeObjectsStayWhereNothingTells) {
+  const std::vector<TruthRow> truth = {
+      {at_ms(0), "a", {}}, {at_ms(0), "b", {}}, {at_ms(100), "a", {}}, {at_ms(100), "b", {}}};
+  EvaluateOptions options;
+  options.alike = {{"a", "b"}};
+  for (const ObjectEvaluation& object : evaluate(truth, {}, options).objects) {
+    EXPECT_EQ(object.logged_as, object.object);
+  }
+}
+
 }  // namespace
 }  // namespace sightline

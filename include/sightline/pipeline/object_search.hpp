@@ -116,7 +116,9 @@ class ObjectSearch {
     Detection found = {};
     std::optional<Told> told = {};
     bool printed = false;  ///< see RigObject
-    bool refutes = false;  ///< `found` is another orientation than that of the track
+    AlikeObject alike = {};
+    Detection handed = {};  ///< last of those that were handed out
+    bool refutes = false;   ///< `found` is another orientation than that of the track
     PoseProof proof = {};
     Time checked{};        ///< last
     Time missing_since{};  ///< first of the searches in a row that have not found it
@@ -140,15 +142,23 @@ class ObjectSearch {
   void check(Target& target, Time now, std::span<const PoseTrackPtr> tracks,
              std::vector<Observation>& out);
   /// Hands out what was found of a target.
-  void hand_out(const Target& target, std::vector<Observation>& out) const;
+  void hand_out(Target& target, std::vector<Observation>& out) const;
   static bool differs(const Target& target, const Rigid3& pose, const Detection& found);
+  /// Tells the detector of a target what else there is, and what is about to be.
+  void set_others(Target& target, Time now, std::span<const PoseTrackPtr> tracks);
+  /// Whether an object that looks the same, and was found before, is where this one is said to be.
+  bool doubles(const Target& target, const Rigid3& pose, Time now,
+               std::span<const PoseTrackPtr> tracks) const;
+  static bool look_alike(const Target& a, const Target& b);
   Detection look_where_told(Target& target, Time now);
   static Detection by_features(Target& target, PoseProposals proposals);
   Detection look_everywhere(Target& target);
   /// Until the next search for it, after one that did such work and found target.found.
   Duration pause_after(Target& target, Time now, const SearchWork& work) const;
-  /// Objects whose place is known at a time; `coasting`: also those that are only predicted.
-  void find_known(Time time, std::span<const PoseTrackPtr> tracks, bool coasting);
+  /// Objects whose place is known at a time; `coasting`: also those that are only predicted; not
+  /// `but`.
+  void find_known(Time time, std::span<const PoseTrackPtr> tracks, bool coasting,
+                  const Target* but = nullptr);
 
   Duration interval_{};
   double max_load_ = 1;

@@ -43,6 +43,11 @@ struct EvaluateOptions {
   bool keyframes = false;
   std::map<std::string, SymmetryOption> symmetry;  ///< by object name
   std::map<std::string, EvaluatedShape> shape;     ///< by object name; absent: origin, no symmetry
+  /// Names of objects that look the same, kMostAlike at most in a group. No image says which is
+  /// which at first, so the names of the log are given to them as most of all rows are within the
+  /// success limits: once, so that a swap later on is an error.
+  std::vector<std::vector<std::string>> alike;
+  static constexpr size_t kMostAlike = 8;
 };
 
 /// Median, 95th percentile (nearest rank) and maximum of `count` errors; 0 if there are none.
@@ -71,6 +76,7 @@ struct ShapeErrors {
 /// How far the logged poses of one object are from the truth.
 struct ObjectEvaluation {
   std::string object;
+  std::string logged_as;     ///< its name in the log: another one only of EvaluateOptions::alike
   size_t rows = 0;           ///< of the log
   size_t outside_truth = 0;  ///< rows with a pose, before, after or in a gap of the truth
   ErrorSummary all;          ///< rows with a pose, whatever the state

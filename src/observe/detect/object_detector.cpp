@@ -13,6 +13,7 @@
 #include "observe/detect/judge/contour_belief.hpp"
 #include "observe/detect/judge/detection_judge.hpp"
 #include "observe/detect/judge/measure_twists.hpp"
+#include "observe/detect/judge/taken_places.hpp"
 #include "observe/detect/plan/search_distances.hpp"
 #include "observe/detect/plan/search_order.hpp"
 #include "observe/detect/pose_fit.hpp"
@@ -52,6 +53,11 @@ class ObjectDetector::Impl {
     frames_.add(camera, frame, foreground);
     newest_ = std::max(newest_, frame.info().capture);
     forget_told();
+  }
+
+  void set_others(std::vector<KnownObject> known, size_t alike) {
+    taken_.set(std::move(known));
+    judge_.expect(alike);
   }
 
   Detection detect_at(const SearchHint& hint) {
@@ -165,7 +171,7 @@ class ObjectDetector::Impl {
     frames_.set_reference(trace.time);
     const auto mesh_colors = colors_of(colors);
     const ScanResult hits = scan_.scan(frames_, scanned, where, mesh_colors.get());
-    note_hits(hits, trace);
+    trace.stages.push_back({"scan", scan_.poses(frames_, hits), trace.clock ? trace.clock() : 0});
     contours_.search(frames_, verification_.by_edges(frames_, hits), mesh_colors.get(), &trace,
                      kMaxPool);
   }
@@ -279,19 +285,6 @@ class ObjectDetector::Impl {
  private:
   const ViewpointModel& model() const { return bank_.model(); }
 
-  void note_hits(const ScanResult& hits, DetectionTrace& trace) const {
-    const SearchCamera& camera = frames_.search_cameras()[hits.camera];
-    const Rigid3 world_from_camera = camera.camera_from_world.inverse();
-    DetectionTrace::Stage stage{"scan", {}, trace.clock != nullptr ? trace.clock() : 0};
-    for (const ScanHit& hit : hits.hits) {
-      const auto pose =
-          bank_.full_pose(camera.camera->model, template_pose(hit, hits.range), camera.shrink);
-      if (pose)
-        stage.candidates.push_back({world_from_camera * *pose, static_cast<double>(hit.score)});
-    }
-    trace.stages.push_back(std::move(stage));
-  }
-
   void fit_and_judge(std::span<const RigMotion> starts, std::vector<JudgedPose>& judged) const {
     for (PoseFit& fit : fitter_.fit(frames_.fit_cameras(), starts, kSearchReach,
                                     {.moved = true, .rest = kRestOfSearch})) {
@@ -314,9 +307,10 @@ class ObjectDetector::Impl {
     return (a * model().center() - b * model().center()).norm();
   }
 
-  // It is in the volume in which the object can be.
+  // It is in the volume in which the object can be, and nothing else is there.
   bool possible(const Rigid3& pose) const {
-    return !options_.volume || options_.volume->contains(pose * model().center());
+    return (!options_.volume || options_.volume->contains(pose * model().center())) &&
+           !taken_.take(model(), pose, frames_.search_cameras());
   }
 
   void forget_told() {
@@ -351,13 +345,13 @@ class ObjectDetector::Impl {
       const std::vector<JointPose> about = verified_about(*place);
       verified.insert(verified.begin(), about.begin(), about.end());
     }
-    if (options_.volume) {
-      // Steps from there may lead into it.
-      std::erase_if(verified, [&](const JointPose& pose) {
-        return options_.volume->distance(pose.world_from_object * model().center()) >
-               model().radius();
-      });
-    }
+    std::erase_if(verified, [&](const JointPose& pose) {
+      const Rigid3& at = pose.world_from_object;
+      // Steps from near the volume may lead into it.
+      return (options_.volume &&
+              options_.volume->distance(at * model().center()) > model().radius()) ||
+             taken_.take(model(), at, frames_.search_cameras());
+    });
     std::vector<ContourPose> poses =
         contours_.search(frames_, std::move(verified), colors, nullptr, pool);
     std::erase_if(poses, [&](const ContourPose& pose) {
@@ -398,7 +392,8 @@ class ObjectDetector::Impl {
   const PoseVerification verification_;
   const PoseFitter fitter_;
   const ContourSearch contours_;
-  const DetectionJudge judge_;
+  DetectionJudge judge_;
+  TakenPlaces taken_;
   std::optional<ColorTemplates> color_templates_;  ///< made when they are first asked for
   std::optional<SearchHint> hint_;                 ///< for the next detect()
   std::vector<RigMotion> told_;  ///< what came nearest to such a pose, in these frames
@@ -419,6 +414,9 @@ Result<std::unique_ptr<ObjectDetector>> ObjectDetector::create(
 ObjectDetector::ObjectDetector(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 ObjectDetector::~ObjectDetector() = default;
 
+void ObjectDetector::set_others(std::vector<KnownObject> known, size_t alike) {
+  impl_->set_others(std::move(known), alike);
+}
 void ObjectDetector::add_frame(CameraId camera, const Frame& frame,
                                const ForegroundMap* foreground) {
   impl_->add_frame(camera, frame, foreground);

@@ -94,6 +94,19 @@ ScanResult PoseScan::scan_about(const DetectorFrames& frames, const ImagePlace& 
   return out;
 }
 
+std::vector<DetectionTrace::Candidate> PoseScan::poses(const DetectorFrames& frames,
+                                                       const ScanResult& hits) const {
+  const SearchCamera& camera = frames.search_cameras()[hits.camera];
+  const Rigid3 world_from_camera = camera.camera_from_world.inverse();
+  std::vector<DetectionTrace::Candidate> out;
+  for (const ScanHit& hit : hits.hits) {
+    const auto pose =
+        bank_.full_pose(camera.camera->model, template_pose(hit, hits.range), camera.shrink);
+    if (pose) out.push_back({world_from_camera * *pose, static_cast<double>(hit.score)});
+  }
+  return out;
+}
+
 void PoseScan::scan_range(const DetectorFrames& frames, const MeshColors* colors,
                           ScanResult& out) const {
   const std::vector<float>& scales = distances_.cameras[frames.camera_index(out.camera)].scales;

@@ -11,6 +11,7 @@
 #include "observe/detect/detector_frames.hpp"
 #include "observe/detect/plan/search_distances.hpp"
 #include "observe/detect/template_bank.hpp"
+#include "sightline/observe/detect/detection_trace.hpp"
 
 namespace sightline::observe {
 
@@ -49,6 +50,9 @@ class PoseScan {
                   const MeshColors* colors = nullptr) const;
   /// The same with the object's middle in a part of the image only.
   ScanResult scan_about(const DetectorFrames& frames, const ImagePlace& place) const;
+  /// Where the object is by each hit.
+  std::vector<DetectionTrace::Candidate> poses(const DetectorFrames& frames,
+                                               const ScanResult& hits) const;
 
  private:
   void scan_range(const DetectorFrames& frames, const MeshColors* colors, ScanResult& out) const;

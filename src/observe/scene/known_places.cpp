@@ -3,7 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
+
+#include "observe/shape/placed_mask.hpp"
 
 namespace sightline::observe {
 namespace {
@@ -32,26 +33,16 @@ Mask grown(const Mask& mask) {
 void mark(const CalibratedCamera& camera, const KnownObject& object, int width, int height,
           std::vector<uint8_t>& out) {
   const ViewpointModel& model = *object.views;
-  const Rigid3 camera_from_object = camera.world_from_camera.inverse() * object.world_from_object;
-  const Eigen::Vector3d center = camera_from_object * model.center();
-  const double distance = center.norm();
-  if (center.z() < 0.01 * distance || distance < 1.01 * model.radius()) return;
-  const auto pixel = camera.model.project(center);
-  if (!pixel) return;
-  const size_t nearest = model.nearest(camera_from_object);
-  const Mask mask = grown(model.mask(nearest));
-  const Eigen::Matrix3d along_ray =
-      Eigen::Quaterniond::FromTwoVectors(center, Eigen::Vector3d::UnitZ()).toRotationMatrix() *
-      camera_from_object.rotation_matrix();
-  const Eigen::Matrix3d turn =
-      along_ray * model.view(nearest).camera_from_object.rotation_matrix().transpose();
-  const double angle = std::atan2(turn(1, 0) - turn(0, 1), turn(0, 0) + turn(1, 1));
-  const double radius = camera.model.parameters().fx / 2 * model.radius() / distance;
-  const double x0 = (pixel->x() + 0.5) / 2 - 0.5, y0 = (pixel->y() + 0.5) / 2 - 0.5;
+  const auto at = place_mask(model, camera.model,
+                             camera.world_from_camera.inverse() * object.world_from_object);
+  if (!at) return;
+  const Mask mask = grown(model.mask(at->view));
+  const double radius = at->radius / 2;
+  const double x0 = (at->x + 0.5) / 2 - 0.5, y0 = (at->y + 0.5) / 2 - 0.5;
   const double reach = (1 + kGrow) * radius + kGrowPx;
   // Mask cells per pixel; small objects are drawn a little larger.
   const double cells = kSide / (2 * radius) * radius / (radius + kGrowPx);
-  const double c = std::cos(angle) * cells, s = std::sin(angle) * cells;
+  const double c = at->cos * cells, s = at->sin * cells;
   const int top = std::max(0, static_cast<int>(y0 - reach));
   const int bottom = std::min(height - 1, static_cast<int>(y0 + reach) + 1);
   const int left = std::max(0, static_cast<int>(x0 - reach));

@@ -13,6 +13,7 @@
 #include "sightline/observe/detect/detector_options.hpp"
 #include "sightline/observe/detect/search_hint.hpp"
 #include "sightline/observe/detect/search_work.hpp"
+#include "sightline/observe/shape/known_object.hpp"
 #include "sightline/observe/shape/viewpoint_model.hpp"
 #include "sightline/observe/terms/detection.hpp"
 #include "sightline/observe/terms/foreground_map.hpp"
@@ -61,6 +62,11 @@ class ObjectDetector {
   /// unknown cameras, damaged ones and those of another size are ignored. `camera` counts, not what
   /// the frame says of it. `foreground` of this frame, of half its size; null: not known.
   void add_frame(CameraId camera, const Frame& frame, const ForegroundMap* foreground = nullptr);
+
+  /// What else there is, for all that follows: where one of `known` stands, this object is not
+  /// (they must outlive those calls); `alike`: so many objects that look the same are looked for as
+  /// well, so that as many other places may look as much like it.
+  void set_others(std::vector<KnownObject> known, size_t alike);
 
   /// Looks for the object where somebody says it is, in the newest frames. What it finds about a
   /// pose is judged as detect() does; what it finds about a place in an image is among the

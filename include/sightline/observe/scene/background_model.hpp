@@ -9,7 +9,7 @@
 #include "sightline/base/result.hpp"
 #include "sightline/geometry/camera_model.hpp"
 #include "sightline/model/frame.hpp"
-#include "sightline/observe/shape/viewpoint_model.hpp"
+#include "sightline/observe/shape/known_object.hpp"
 #include "sightline/observe/terms/foreground_map.hpp"
 
 namespace sightline {
@@ -18,12 +18,6 @@ struct BackgroundOptions {
   Duration learn = std::chrono::milliseconds(500);  ///< at least, before anything is said
   Duration absorb = std::chrono::seconds(60);  ///< what lies still for so long becomes background
   bool operator==(const BackgroundOptions&) const = default;
-};
-
-/// An object whose place is known; where it is, nothing is learned.
-struct KnownObject {
-  const ViewpointModel* views = nullptr;
-  Rigid3 world_from_object;
 };
 
 /// What one fixed camera sees when nothing is there: for every pixel of the half-size image the

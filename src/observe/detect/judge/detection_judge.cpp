@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "observe/detect/detect_constants.hpp"
+#include "observe/detect/judge/rival_places.hpp"
 #include "observe/terms/detection_term.hpp"
 #include "sightline/observe/terms/observation_header.hpp"
 
@@ -81,6 +82,7 @@ void DetectionJudge::decide(const DetectorFrames& frames, std::vector<JudgedPose
     out.runner_up = best.evidence;
     return;
   }
+  RivalPlaces rivals(kOtherPlace * radius_, alike_);
   std::vector<const JudgedPose*> accepted;
   for (const JudgedPose& pose : judged) {
     const bool known = std::any_of(accepted.begin(), accepted.end(), [&](const JudgedPose* other) {
@@ -92,7 +94,9 @@ void DetectionJudge::decide(const DetectorFrames& frames, std::vector<JudgedPose
                           pose.evidence >= options_.margin * best.evidence;
     // Clutter has many such places, the object one.
     if (possible && elsewhere(pose, best)) {
-      out.runner_up = pose.evidence;
+      rivals.add(pose.fit.motion.world_from_object * center_, pose.evidence);
+      if (rivals.strongest() == 0) continue;
+      out.runner_up = rivals.strongest();
       return;
     }
     if (possible && accepted.size() < kMaxAccepted) {
@@ -110,17 +114,18 @@ void DetectionJudge::decide_by_contour(const DetectorFrames& frames,
   if (poses.empty() || poses.front().score < min_score) return;
   const ContourPose& best = poses.front();
   const Eigen::Vector3d place = best.fit.motion.world_from_object * center_;
+  RivalPlaces rivals(kOtherPlace * radius_, alike_);
   std::vector<JudgedPose> here;
   for (const ContourPose& pose : poses) {
-    const bool elsewhere =
-        (pose.fit.motion.world_from_object * center_ - place).norm() > kOtherPlace * radius_;
-    if (elsewhere) {
-      out.runner_up = std::max(out.runner_up, pose.score);
-      if (pose.score > max_rival * best.score) return;
+    const Eigen::Vector3d center = pose.fit.motion.world_from_object * center_;
+    if ((center - place).norm() > kOtherPlace * radius_) {
+      rivals.add(center, pose.score);
     } else if (pose.score >= options_.margin * best.score) {
       here.push_back({pose.fit, pose.score, pose.score, 0, nullptr, pose.cameras});
     }
   }
+  out.runner_up = std::max(out.runner_up, rivals.strongest());
+  if (rivals.strongest() > max_rival * best.score) return;
   std::vector<const JudgedPose*> accepted;
   for (JudgedPose& pose : here) {
     const bool known = std::any_of(accepted.begin(), accepted.end(), [&](const JudgedPose* other) {

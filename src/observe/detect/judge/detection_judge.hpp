@@ -34,6 +34,9 @@ class DetectionJudge {
                  double radius)
       : object_(object), options_(options), center_(center), radius_(radius) {}
 
+  /// So many objects that look the same are missing, too: as many other places may have as much.
+  void expect(size_t alike) { alike_ = alike; }
+
   /// Evidence of a pose; `proposal`: where it comes from, adds its own. It must outlive the result.
   JudgedPose judge(PoseFit fit, const ProposedPose* proposal = nullptr) const;
 
@@ -71,6 +74,7 @@ class DetectionJudge {
   const DetectorOptions options_;
   const Eigen::Vector3d center_;
   const double radius_;
+  size_t alike_ = 0;
 };
 
 }  // namespace sightline::observe
