@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // What several objects at once cost and how well each is followed: a recording with truth is
 // replayed with its first 1, 2, 4 ... objects known. Each is started next to the truth, once;
-// what is lost stays lost. Prints a Markdown table: CPU of observing and fusing one camera's frame,
-// and of each object the shares within 5 cm + 5 deg and `tracking`, errors, and wrong claims.
+// what is lost stays lost. Prints a Markdown table: CPU of observing and fusing one camera's frame
+// with all of them, the sum of what each costs alone, and of each object the shares within 5 cm + 5
+// deg and `tracking`, errors, and wrong claims.
 //   several_objects RECORDING [COUNT ...]
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <numeric>
 #include <vector>
 
 #include "claims/truth_recording.hpp"
@@ -31,12 +33,35 @@ struct ObjectFigures {
 
 class Run {
  public:
-  static Result<std::unique_ptr<Run>> create(const std::filesystem::path& path, size_t count) {
+  /// Of so many objects, from the `first`, to the end of the recording.
+  static Result<std::unique_ptr<Run>> play(const std::filesystem::path& path, size_t count,
+                                           size_t first = 0) {
     std::unique_ptr<Run> run(new Run());
-    SL_ASSIGN(run->in_, bench::open_truth_recording(path, count));
+    SL_ASSIGN(run->in_, bench::open_truth_recording(path, count, first));
     run->figures_.resize(count);
+    SL_RETURN_IF_ERROR(run->play());
     return run;
   }
+
+  double median_cpu_ms() const { return quantile(cpu_, 0.5); }
+
+  /// `alone`: the same objects, each by itself, the sum [ms].
+  void print(double alone) {
+    fmt::print("| {} | {:.2f} | {:.2f} | {:.2f} |", figures_.size(), median_cpu_ms(),
+               quantile(cpu_, 0.95), alone);
+    for (size_t i = 0; i < figures_.size(); ++i) {
+      ObjectFigures& f = figures_[i];
+      const double n = std::max(1, f.judged);
+      fmt::print("{} {}: {:.0f} %, {:.0f} % tracking, {:.2f} mm {:.2f} deg, {} wrong",
+                 i > 0 ? ";" : "", in_.rig.objects[i].named.name, 100 * f.within / n,
+                 100 * f.tracking / n, f.mm.empty() ? -1.0 : quantile(f.mm, 0.5),
+                 f.deg.empty() ? -1.0 : quantile(f.deg, 0.5), f.wrong);
+    }
+    fmt::print(" |\n");
+  }
+
+ private:
+  Run() = default;
 
   Status play() {
     std::vector<CameraId> cameras;
@@ -64,23 +89,6 @@ class Run {
       judge(frames->front()->info().capture);
     }
   }
-
-  void print() {
-    fmt::print("| {} | {:.2f} | {:.2f} |", figures_.size(), quantile(cpu_, 0.5),
-               quantile(cpu_, 0.95));
-    for (size_t i = 0; i < figures_.size(); ++i) {
-      ObjectFigures& f = figures_[i];
-      const double n = std::max(1, f.judged);
-      fmt::print("{} {}: {:.0f} %, {:.0f} % tracking, {:.2f} mm {:.2f} deg, {} wrong",
-                 i > 0 ? ";" : "", in_.rig.objects[i].named.name, 100 * f.within / n,
-                 100 * f.tracking / n, f.mm.empty() ? -1.0 : quantile(f.mm, 0.5),
-                 f.deg.empty() ? -1.0 : quantile(f.deg, 0.5), f.wrong);
-    }
-    fmt::print(" |\n");
-  }
-
- private:
-  Run() = default;
 
   void start_from_truth(const Frame& frame) {
     Vector6 off;
@@ -132,6 +140,23 @@ class Run {
   bool started_ = false;
 };
 
+Status compare(const std::filesystem::path& recording, const std::vector<size_t>& counts) {
+  fmt::print(
+      "| objects | CPU ms per camera frame, median | 95 % | each alone, sum | within, tracking, "
+      "median error |\n| --- | --- | --- | --- | --- |\n");
+  std::vector<double> alone;
+  for (const size_t count : counts) {
+    SL_ASSIGN(const auto together, Run::play(recording, count));
+    while (alone.size() < count) {
+      SL_ASSIGN(const auto one, Run::play(recording, 1, alone.size()));
+      alone.push_back(one->median_cpu_ms());
+    }
+    together->print(
+        std::accumulate(alone.begin(), alone.begin() + static_cast<ptrdiff_t>(count), 0.0));
+  }
+  return {};
+}
+
 int run(int argc, char** argv) {
   std::vector<size_t> counts;
   for (int i = 2; i < argc; ++i) {
@@ -145,21 +170,10 @@ int run(int argc, char** argv) {
     return 2;
   }
   if (counts.empty()) counts = {1, 2, 4, 8};
-  fmt::print(
-      "| objects | CPU ms per camera frame, median | 95 % | within, tracking, median error |\n");
-  fmt::print("| --- | --- | --- | --- |\n");
-  for (const size_t count : counts) {
-    auto made = Run::create(argv[1], count);
-    const Status done =
-        made ? (*made)->play()
-             : Status(make_error(made.error().code, made.error().where, "{}", made.error().text));
-    if (!done) {
-      fmt::print(stderr, "{}\n", done.error().message());
-      return exit_code(done.error());
-    }
-    (*made)->print();
-  }
-  return 0;
+  const Status done = compare(argv[1], counts);
+  if (done) return 0;
+  fmt::print(stderr, "{}\n", done.error().message());
+  return exit_code(done.error());
 }
 
 }  // namespace

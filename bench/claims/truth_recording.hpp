@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -20,9 +21,11 @@ struct TruthRecording {
   std::vector<std::vector<TruthRow>> truth;  ///< by object
 };
 
-/// `objects`: so many of them, the first; all if not given. Refused: without truth, or with fewer.
+/// `objects`: so many of them, from the `first`; all that follow it if not given. Refused: without
+/// truth, or with fewer.
 inline Result<TruthRecording> open_truth_recording(const std::filesystem::path& path,
-                                                   std::optional<size_t> objects = {}) {
+                                                   std::optional<size_t> objects = {},
+                                                   size_t first = 0) {
   TruthRecording out;
   SL_ASSIGN(Recording opened, open_recording(path));
   out.recording = std::make_shared<const Recording>(std::move(opened));
@@ -32,11 +35,12 @@ inline Result<TruthRecording> open_truth_recording(const std::filesystem::path& 
   SL_ASSIGN(const std::vector<TruthRow> truth, read_truth(*out.recording->truth));
   SL_ASSIGN(out.installation, recording_installation(path));
   std::vector<ObjectConfig>& known = out.installation.objects;
-  const size_t count = objects.value_or(known.size());
-  if (count > known.size()) {
+  const size_t count = objects.value_or(known.size() - std::min(first, known.size()));
+  if (first + count > known.size()) {
     return make_error(ErrorCode::kInvalidInput, path.string(), "has {} objects, not {}",
-                      known.size(), count);
+                      known.size(), first + count);
   }
+  known.erase(known.begin(), known.begin() + static_cast<ptrdiff_t>(first));
   known.resize(count);
   for (ObjectConfig& object : known) object.description.modalities = {false, true, true, true};
   SL_ASSIGN(out.rig, load_rig(out.installation));
