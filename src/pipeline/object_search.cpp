@@ -107,12 +107,11 @@ bool ObjectSearch::due(Time now, std::span<const PoseTrackPtr> tracks) const {
   });
 }
 
-void ObjectSearch::find_known(Time time, std::span<const PoseTrackPtr> tracks, bool coasting,
-                              const Target* but) {
+void ObjectSearch::find_known(Time time, std::span<const PoseTrackPtr> tracks, bool coasting) {
   known_.clear();
   for (const Target& target : targets_) {
     const size_t index = target.object.index();
-    if (&target == but || index >= tracks.size() || !tracks[index]) continue;
+    if (index >= tracks.size() || !tracks[index]) continue;
     const PoseAt at = tracks[index]->at(time);
     if (at.source == PoseSource::kNone || !has_pose(at.estimate.state)) continue;
     if (at.estimate.state == TrackState::kCoasting && !coasting) continue;
@@ -212,21 +211,25 @@ void ObjectSearch::take_messages() {
   }
 }
 
+// Of other meshes nothing is taken: where one of those is believed by mistake, this one may be.
 void ObjectSearch::set_others(Target& target, Time now, std::span<const PoseTrackPtr> tracks) {
-  if (targets_.size() < 2) return;
-  find_known(now, tracks, false, &target);
+  std::vector<KnownObject> known;
   size_t alike = 0;
   for (const Target& other : targets_) {
-    if (&other == &target || !missing(other, now, tracks)) continue;
+    if (&other == &target || !look_alike(target, other)) continue;
     const double age = to_seconds(now - other.handed.time);
-    if (!other.handed.poses.empty() && std::abs(age) < to_seconds(kArriving)) {
+    if (!missing(other, now, tracks)) {
+      const PoseAt at = tracks[other.object.index()]->at(now);
+      if (at.source == PoseSource::kNone) continue;
+      known.push_back({other.views.get(), at.estimate.world_from_object});
+    } else if (!other.handed.poses.empty() && std::abs(age) < to_seconds(kArriving)) {
       const DetectedPose& pose = other.handed.poses.front();
-      known_.push_back({other.views.get(), pose.world_from_object * Rigid3::exp(pose.twist * age)});
+      known.push_back({other.views.get(), pose.world_from_object * Rigid3::exp(pose.twist * age)});
     } else {
-      alike += look_alike(target, other) ? 1 : 0;
+      ++alike;
     }
   }
-  target.detector->set_others(known_, alike);
+  target.detector->set_others(std::move(known), alike);
 }
 
 bool ObjectSearch::look_alike(const Target& a, const Target& b) {

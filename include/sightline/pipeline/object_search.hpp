@@ -144,7 +144,8 @@ class ObjectSearch {
   /// Hands out what was found of a target.
   void hand_out(Target& target, std::vector<Observation>& out) const;
   static bool differs(const Target& target, const Rigid3& pose, const Detection& found);
-  /// Tells the detector of a target what else there is, and what is about to be.
+  /// Tells the detector of a target where those are that look the same, also where one has just
+  /// been found, and how many are missing.
   void set_others(Target& target, Time now, std::span<const PoseTrackPtr> tracks);
   /// Whether an object that looks the same, and was found before, is where this one is said to be.
   bool doubles(const Target& target, const Rigid3& pose, Time now,
@@ -155,10 +156,8 @@ class ObjectSearch {
   Detection look_everywhere(Target& target);
   /// Until the next search for it, after one that did such work and found target.found.
   Duration pause_after(Target& target, Time now, const SearchWork& work) const;
-  /// Objects whose place is known at a time; `coasting`: also those that are only predicted; not
-  /// `but`.
-  void find_known(Time time, std::span<const PoseTrackPtr> tracks, bool coasting,
-                  const Target* but = nullptr);
+  /// Objects whose place is known at a time; `coasting`: also those that are only predicted.
+  void find_known(Time time, std::span<const PoseTrackPtr> tracks, bool coasting);
 
   Duration interval_{};
   double max_load_ = 1;
