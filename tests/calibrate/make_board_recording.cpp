@@ -7,10 +7,10 @@
 #include <cmath>
 #include <cstdio>
 
+#include "print_camera.hpp"
 #include "sightline/base/files.hpp"
 #include "sightline/calibrate/calibration_file.hpp"
 #include "sightline/calibrate/target_file.hpp"
-#include "sightline/observe/fiducial/target_print.hpp"
 #include "sightline/record/writer.hpp"
 #include "simulated_user.hpp"
 
@@ -67,100 +67,6 @@ CalibrationTarget wall_target() {
   target.fixed = true;
   return target;
 }
-
-/// The board as a picture: dark, bright, and white paper around it.
-class Print {
- public:
-  explicit Print(const CalibrationTarget& target)
-      : size_(target.size()),
-        columns_(static_cast<int>((size_.x() + 2 * kBorder) / kCell)),
-        rows_(static_cast<int>((size_.y() + 2 * kBorder) / kCell)),
-        levels_(static_cast<size_t>(columns_) * static_cast<size_t>(rows_), 200) {
-    const auto dark = target_print(target);
-    for (const PrintedRect& r : *dark) {
-      for (int y = cell(r.top); y < cell(r.top + r.height); ++y) {
-        for (int x = cell(r.left); x < cell(r.left + r.width); ++x) {
-          levels_[static_cast<size_t>(y) * static_cast<size_t>(columns_) + static_cast<size_t>(x)] =
-              40;
-        }
-      }
-    }
-  }
-  /// Level of a ray that starts in front of the print, in the target's frame; negative beside it.
-  int seen(const Eigen::Vector3f& from, const Eigen::Vector3f& direction) const {
-    const float along = -from.z() / direction.z();
-    if (!(along > 0) || direction.z() <= 0) return -1;  // the print's back is out of sight
-    const Eigen::Vector3f hit = from + along * direction;
-    return at({hit.x(), hit.y()});
-  }
-  /// Level at a place of the target's plane; negative beside the paper.
-  int at(const Eigen::Vector2d& p) const {
-    const Eigen::Vector2d end = size_ + Eigen::Vector2d::Constant(kBorder);
-    // Written so that what is not finite is beside it.
-    if (!(p.x() > -kBorder && p.y() > -kBorder && p.x() < end.x() && p.y() < end.y())) return -1;
-    const int x = std::min(cell(p.x()), columns_ - 1), y = std::min(cell(p.y()), rows_ - 1);
-    return levels_[static_cast<size_t>(y) * static_cast<size_t>(columns_) + static_cast<size_t>(x)];
-  }
-
- private:
-  static constexpr double kCell = 0.0002, kBorder = 0.02;
-  static int cell(double meters) { return static_cast<int>((meters + kBorder) / kCell); }
-
-  Eigen::Vector2d size_;
-  int columns_, rows_;
-  std::vector<uint8_t> levels_;
-};
-
-/// A print, and where it stands behind the others.
-struct PlacedPrint {
-  const Print* print;
-  Rigid3 world_from_target;
-};
-
-/// One camera's images of prints in front of a gray wall, nine rays to a pixel.
-class Photographer {
- public:
-  explicit Photographer(const CalibratedCamera& camera) : camera_(camera) {
-    for (int y = 0; y < camera.model.height(); ++y) {
-      for (int x = 0; x < camera.model.width(); ++x) {
-        for (int k = 0; k < static_cast<int>(kRays); ++k) {
-          const auto ray = camera.model.unproject({x + (k % 3 - 1) / 3.0, y + (k / 3 - 1) / 3.0});
-          rays_.push_back(ray.value_or(Eigen::Vector3d::UnitZ()).cast<float>());
-        }
-      }
-    }
-  }
-
-  /// The first print is in front.
-  std::vector<uint8_t> shoot(const std::vector<PlacedPrint>& prints) const {
-    constexpr int kWall = 120;
-    std::vector<int> sums(rays_.size() / kRays, 0);
-    std::vector<char> free(rays_.size(), 1);
-    for (const PlacedPrint& placed : prints) {
-      const Rigid3 target_from_camera =
-          placed.world_from_target.inverse() * camera_.world_from_camera;
-      const Eigen::Matrix3f turn = target_from_camera.rotation.toRotationMatrix().cast<float>();
-      const Eigen::Vector3f from = target_from_camera.translation.cast<float>();
-      for (size_t i = 0; i < rays_.size(); ++i) {
-        if (!free[i]) continue;
-        const int level = placed.print->seen(from, turn * rays_[i]);
-        if (level < 0) continue;
-        free[i] = 0;
-        sums[i / kRays] += level;
-      }
-    }
-    std::vector<uint8_t> image;
-    for (size_t i = 0; i < rays_.size(); ++i) sums[i / kRays] += free[i] * kWall;
-    for (const int sum : sums) image.push_back(static_cast<uint8_t>(sum / kRays));
-    return image;
-  }
-
- private:
-  static constexpr size_t kRays = 9;
-
-  const CalibratedCamera& camera_;
-  std::vector<Eigen::Vector3f> rays_;
-};
 
 class Recorder {
  public:
@@ -225,36 +131,11 @@ class Recorder {
       const Duration phase =
           choice_.wall ? Duration(0) : period * c / static_cast<int64_t>(images.size());
       const Time at = Time(std::chrono::seconds(1)) + period * sequence_ + phase;
-      SL_RETURN_IF_ERROR(writer_->append(*noisy(c, images[c], at)));
+      SL_RETURN_IF_ERROR(writer_->append(*noisy_frame(
+          c, static_cast<uint64_t>(sequence_), rig_.truth[c].model, images[c], at, random_)));
     }
     ++sequence_;
     return {};
-  }
-
-  FramePtr noisy(uint32_t camera, const std::vector<uint8_t>& levels, Time at) {
-    const CameraModel& lens = rig_.truth[camera].model;
-    FrameInfo info;
-    info.camera = CameraId(camera);
-    info.sequence = static_cast<uint64_t>(sequence_);
-    info.capture = info.arrival = at;
-    info.width = lens.width();
-    info.height = lens.height();
-    auto image = std::make_shared<Image>(info.width, info.height);
-    const MutableI420View view = image->mutable_view();
-    for (int y = 0; y < info.height; ++y) {
-      uint8_t* row = view.y.row(y);
-      for (int x = 0; x < info.width; ++x) {
-        const uint64_t bits = random_.bits();  // a sum of four: nearly normal, sigma 1.8
-        const int noise = static_cast<int>((bits & 3) + (bits >> 8 & 3) + (bits >> 16 & 3)) - 4;
-        const int level = levels[static_cast<size_t>(y) * static_cast<size_t>(info.width) +
-                                 static_cast<size_t>(x)];
-        row[x] = static_cast<uint8_t>(std::clamp(level + noise, 0, 255));
-      }
-    }
-    for (const MutablePlaneView& plane : {view.u, view.v}) {
-      for (int y = 0; y < plane.height; ++y) std::fill_n(plane.row(y), plane.width, 128);
-    }
-    return Frame::decoded(info, std::move(image));
   }
 
   const SyntheticRig& rig_;

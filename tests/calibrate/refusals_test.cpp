@@ -185,6 +185,21 @@ TEST(ViewsFile, NamesFileAndLine) {
   EXPECT_THAT(parse_views("x,y\n1,2\n", "corners.csv"), FailsWith("corners.csv:1: not a file of"));
 }
 
+TEST(TargetFile, APlaceInTheWorldIsOfWhatIsFixed) {
+  CalibrationTarget target = test::test_target();
+  target.fixed = true;
+  target.world_from_target = Rigid3({1, 0, 0, 0}, {0.5, -1.25, 2});
+  const auto back = parse_target(format_target(target), "target.toml");
+  ASSERT_THAT(back, test::IsOk());
+  EXPECT_EQ(*back, target);
+  std::string loose = format_target(target);
+  loose.erase(loose.find("fixed = true\n"), 13);
+  EXPECT_THAT(parse_target(loose, "target.toml"), FailsWith("so it must not be moved: fixed"));
+  std::string wrong = format_target(target);
+  wrong.replace(wrong.find("world_from_target = [1.0"), 24, "world_from_target = [2.0");
+  EXPECT_THAT(parse_target(wrong, "target.toml"), FailsWith("target.toml:"));
+}
+
 TEST(TargetFile, RoundTripAndRefusals) {
   CalibrationTarget target;
   target.columns = 8;

@@ -24,6 +24,7 @@ namespace sightline {
 ///     layout = "any"            # optional; charuco: "dark_first", "marker_first" (before OpenCV
 ///                               # 4.6, even number of rows); "any" finds out
 ///     fixed = false             # optional; it stands in the room for the whole recording
+///     world_from_target = [[..], [..], [..], [..]]  # optional, of a fixed one: 4x4 row-major [m]
 ///     name = "board"            # optional
 ///
 /// An object file with a [board] is read too. Refused with file:line:column: unknown keys, what is

@@ -3,8 +3,11 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
+
+#include "sightline/geometry/rigid3.hpp"
 
 namespace sightline {
 
@@ -35,7 +38,9 @@ struct CalibrationTarget {
   int first_id = 0;           ///< tag grid: id of the tag at the top-left
   bool inverted = false;      ///< ChArUco: printed white on black
   CharucoLayout layout = CharucoLayout::kAny;
-  bool fixed = false;                       ///< it stands in the room and is not moved
+  bool fixed = false;  ///< it stands in the room and is not moved
+  /// Where it is known to stand in the world (surveyed), of a fixed one.
+  std::optional<Rigid3> world_from_target{};
   std::vector<CalibrationTarget> others{};  ///< without others of their own
 
   bool operator==(const CalibrationTarget&) const = default;

@@ -7,7 +7,9 @@
 #include <array>
 #include <cmath>
 
+#include "calibrate/axes_reader.hpp"
 #include "calibrate/calibration_reader.hpp"
+#include "calibrate/toml_numbers.hpp"
 #include "sightline/base/files.hpp"
 #include "sightline/base/toml_nesting.hpp"
 
@@ -16,8 +18,9 @@ namespace {
 
 using namespace calibrate;
 
-constexpr std::array kKeys = {"name", "type",       "columns",  "rows",     "square", "marker",
-                              "gap",  "dictionary", "first_id", "inverted", "layout", "fixed"};
+constexpr std::array kKeys = {"name",   "type",  "columns",          "rows",     "square",
+                              "marker", "gap",   "dictionary",       "first_id", "inverted",
+                              "layout", "fixed", "world_from_target"};
 constexpr int kMaxSide = 100;
 constexpr double kMaxLength = 100;  // [m]
 
@@ -66,6 +69,7 @@ class TargetReader {
       if (!fixed) return fault("fixed", "must be true or false");
       t.fixed = *fixed;
     }
+    SL_RETURN_IF_ERROR(read_place(t));
     SL_ASSIGN(t.layout, layout());
     if (table_.contains("name")) {
       SL_ASSIGN(t.name, text("name"));
@@ -80,6 +84,17 @@ class TargetReader {
     const auto region = node != nullptr ? node->source() : table_.source();
     return make_error(ErrorCode::kInvalidInput, place(file_, region), "'{}': {}", key,
                       fmt::format(format, std::forward<Args>(args)...));
+  }
+
+  Status read_place(CalibrationTarget& t) const {
+    const toml::node* node = table_.get("world_from_target");
+    if (node == nullptr) return {};
+    if (!t.fixed) {
+      return fault("world_from_target",
+                   "its place is known, so it must not be moved: fixed = true");
+    }
+    SL_ASSIGN(t.world_from_target, pose_of(*node, "world_from_target", file_));
+    return {};
   }
 
   Result<std::string> text(const char* key) const {
@@ -166,6 +181,11 @@ std::string format_target(const CalibrationTarget& t) {
                         kLayouts[static_cast<size_t>(t.layout)]);
   }
   if (t.fixed) text += "fixed = true\n";
+  // On one line: corners.csv has it line by line.
+  if (t.world_from_target) {
+    const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> m = t.world_from_target->matrix();
+    text += fmt::format("world_from_target = {}\n", list_text(m.data(), 16));
+  }
   return text;
 }
 

@@ -8,30 +8,10 @@
 #include <cmath>
 #include <numbers>
 
+#include "calibrate/report/plot_parts.hpp"
+
 namespace sightline::calibrate {
 namespace {
-
-constexpr double kWidth = 320;  // of a plot [px of the page]
-constexpr const char* kInk = "#1f5f8b";
-constexpr const char* kBad = "#c0392b";
-
-std::string open_svg(double width, double height, const std::string& title) {
-  return fmt::format(
-      "<svg viewBox=\"-6 -22 {:.0f} {:.0f}\" width=\"{:.0f}\" role=\"img\" aria-label=\"{}\">"
-      "<text x=\"0\" y=\"-8\" class=\"t\">{}</text>",
-      width + 12, height + 44, width + 12, html_text(title), html_text(title));
-}
-
-std::string frame(double width, double height) {
-  return fmt::format(
-      "<rect x=\"0\" y=\"0\" width=\"{:.1f}\" height=\"{:.1f}\" fill=\"none\" stroke=\"#999\"/>",
-      width, height);
-}
-
-std::string note(double x, double y, const std::string& text) {
-  return fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" class=\"n\">{}</text>", x, y,
-                     html_text(text));
-}
 
 /// White to dark blue, 0 to 1.
 std::string shade(double share) {
@@ -61,6 +41,24 @@ std::string grid_plot(const std::string& title, int columns, int rows,
 }
 
 }  // namespace
+
+std::string open_svg(double width, double height, const std::string& title) {
+  return fmt::format(
+      "<svg viewBox=\"-6 -22 {:.0f} {:.0f}\" width=\"{:.0f}\" role=\"img\" aria-label=\"{}\">"
+      "<text x=\"0\" y=\"-8\" class=\"t\">{}</text>",
+      width + 12, height + 44, width + 12, html_text(title), html_text(title));
+}
+
+std::string frame(double width, double height) {
+  return fmt::format(
+      "<rect x=\"0\" y=\"0\" width=\"{:.1f}\" height=\"{:.1f}\" fill=\"none\" stroke=\"#999\"/>",
+      width, height);
+}
+
+std::string note(double x, double y, const std::string& text) {
+  return fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" class=\"n\">{}</text>", x, y,
+                     html_text(text));
+}
 
 std::string html_text(const std::string& text) {
   std::string out;

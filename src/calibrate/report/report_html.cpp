@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include "calibrate/report/correlations.hpp"
+#include "calibrate/report/plot_parts.hpp"
 #include "calibrate/report/plots.hpp"
 #include "sightline/calibrate/assess.hpp"
 
@@ -14,7 +15,7 @@ namespace {
 constexpr size_t kMostListed = 6;  // correlations, links: the rest is in report.json
 
 constexpr const char* kHead = R"(<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><title>Calibration report</title>
+<html lang="en"><head><meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <style>
 body{font:15px/1.45 system-ui,sans-serif;margin:1.5rem auto;max-width:1120px;padding:0 1rem;
@@ -28,8 +29,7 @@ td:first-child,th:first-child{text-align:left}
 .wide{overflow-x:auto}.wide td,.wide th{white-space:nowrap}svg{max-width:100%;height:auto}
 svg .t,svg .c{font:600 12px sans-serif}svg .n{font:11px sans-serif;fill:#555}
 p.small{color:#555;font-size:13px}
-</style></head><body>
-)";
+</style>)";
 
 const char* css_class(CalibrationGrade grade) {
   return grade == CalibrationGrade::kGood     ? "good"
@@ -188,9 +188,13 @@ std::string camera_section(const CalibrationViews& views, const RigSolution& sol
 
 }  // namespace
 
+std::string calibrate::report_head(const std::string& title) {
+  return fmt::format("{}<title>{}</title></head><body>\n", kHead, html_text(title));
+}
+
 std::string report_html(const CalibrationViews& views, const RigSolution& solution,
                         const RigReport& report, const std::string& epoch) {
-  std::string html = kHead + summary(views, solution, report, epoch);
+  std::string html = report_head("Calibration report") + summary(views, solution, report, epoch);
   html += camera_table(solution, report);
   if (report.cameras.size() > 1) {
     html += link_plot(report.cameras, report.links) + weakest_links(report);

@@ -9,52 +9,12 @@
 #include <memory>
 #include <optional>
 
+#include "calibrate/solve/pose_manifold.hpp"
+
 namespace sightline::calibrate {
 namespace {
 
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-using PoseBlock = std::array<double, 7>;
-
-PoseBlock block_of(const Rigid3& pose) {
-  PoseBlock b;
-  std::copy_n(pose.rotation.coeffs().data(), 4, b.begin());
-  std::copy_n(pose.translation.data(), 3, b.begin() + 4);
-  return b;
-}
-
-Rigid3 pose_of(const double* b) {
-  return {Eigen::Quaterniond(b[3], b[0], b[1], b[2]), Eigen::Vector3d(b[4], b[5], b[6])};
-}
-
-/// pose [+] d = pose * exp(d). The cost below gives derivatives by the tangent in its first six
-/// columns, so that the derivative of Plus is told as the identity over a row of zeros.
-class PoseManifold : public ceres::Manifold {
- public:
-  int AmbientSize() const override { return 7; }
-  int TangentSize() const override { return 6; }
-  bool Plus(const double* x, const double* delta, double* x_plus_delta) const override {
-    const PoseBlock b = block_of(pose_of(x) * Rigid3::exp(Eigen::Map<const Vector6>(delta)));
-    std::copy(b.begin(), b.end(), x_plus_delta);
-    return true;
-  }
-  bool PlusJacobian(const double*, double* jacobian) const override {
-    Eigen::Map<Eigen::Matrix<double, 7, 6, Eigen::RowMajor>> j(jacobian);
-    j.setZero();
-    j.topRows<6>().setIdentity();
-    return true;
-  }
-  bool Minus(const double* y, const double* x, double* y_minus_x) const override {
-    Eigen::Map<Vector6> out(y_minus_x);
-    out = difference(pose_of(x), pose_of(y));
-    return true;
-  }
-  bool MinusJacobian(const double*, double* jacobian) const override {
-    Eigen::Map<Eigen::Matrix<double, 6, 7, Eigen::RowMajor>> j(jacobian);
-    j.setZero();
-    j.leftCols<6>().setIdentity();
-    return true;
-  }
-};
 
 /// One view: all of its corners share their parameters, so they are one block of residuals.
 class ViewCost : public ceres::CostFunction {
@@ -138,15 +98,6 @@ class CoefficientCost : public ceres::SizedCostFunction<8, kLensSize> {
   const LensModel lens_;
 };
 
-/// Ceres says on stderr when a step fails, which is part of the search and ours to report.
-void keep_ceres_quiet() {
-  static const bool done = [] {
-    FLAGS_minloglevel = google::GLOG_FATAL;
-    return true;
-  }();
-  (void)done;
-}
-
 void add_camera(ceres::Problem& problem, const BundleCamera& camera, double* lens, double* place) {
   std::vector<int> fixed;
   for (int i = 0; i < kLensSize; ++i) {
@@ -168,6 +119,14 @@ void add_camera(ceres::Problem& problem, const BundleCamera& camera, double* len
 }
 
 }  // namespace
+
+void keep_ceres_quiet() {
+  static const bool done = [] {
+    FLAGS_minloglevel = google::GLOG_FATAL;
+    return true;
+  }();
+  (void)done;
+}
 
 double coefficient_cost(LensModel lens, int parameter) {
   const bool radial = parameter >= 4 && parameter != 6 && parameter != 7 && parameter < 12;

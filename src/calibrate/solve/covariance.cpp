@@ -61,8 +61,8 @@ void add_set(const std::vector<ViewBlock>& blocks, Eigen::MatrixXd& information)
   }
 }
 
-/// Inverse of a symmetric matrix whose parameters differ by orders of magnitude. Empty if it is
-/// singular to working precision.
+}  // namespace
+
 Eigen::MatrixXd scaled_inverse(const Eigen::MatrixXd& information) {
   constexpr double kLeastEigenvalue = 1e-13;  // of a matrix with ones on its diagonal
   const Eigen::VectorXd diagonal = information.diagonal();
@@ -79,8 +79,6 @@ Eigen::MatrixXd scaled_inverse(const Eigen::MatrixXd& information) {
       cholesky.solve(Eigen::MatrixXd::Identity(scaled.rows(), scaled.cols()));
   return scale.asDiagonal() * inverse * scale.asDiagonal();
 }
-
-}  // namespace
 
 CovarianceLayout layout_of(const Bundle& bundle) {
   CovarianceLayout layout;

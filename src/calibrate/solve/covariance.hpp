@@ -32,4 +32,8 @@ struct RigCovariance {
 };
 RigCovariance rig_covariance(const Bundle& bundle);
 
+/// Inverse of a symmetric matrix whose parameters differ by orders of magnitude. Empty if it is
+/// singular to working precision.
+Eigen::MatrixXd scaled_inverse(const Eigen::MatrixXd& information);
+
 }  // namespace sightline::calibrate

@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "pipeline/calibrate/image_sets.hpp"
-#include "sightline/observe/fiducial/target_detector.hpp"
+#include "pipeline/calibrate/target_finder.hpp"
 #include "sightline/record/recording.hpp"
 #include "sightline/record/replay.hpp"
 #include "sightline/record/still_image.hpp"
@@ -17,71 +17,6 @@ namespace sightline {
 using namespace pipeline;
 
 namespace {
-
-/// Finds the target in the images of all cameras, and says why not.
-class Finder {
- public:
-  static Result<std::unique_ptr<Finder>> create(const CalibrationTarget& target,
-                                                const TargetViewsOptions& options, size_t cameras) {
-    auto finder = std::unique_ptr<Finder>(new Finder(target));
-    for (size_t c = 0; c < cameras; ++c) {
-      SL_ASSIGN(auto detector,
-                TargetDetector::create(target, TargetDetectorOptions{.window = options.window}));
-      finder->detectors_.push_back(std::move(detector));
-    }
-    finder->found_.resize(cameras, 0);
-    finder->unexplained_.resize(cameras);
-    return finder;
-  }
-
-  bool found_any(size_t camera) const { return found_[camera] > 0; }
-
-  std::vector<TargetCorner> look(size_t camera, const FramePtr& frame) {
-    std::vector<TargetCorner> corners;
-    for (const DetectedCorner& c : detectors_[camera]->detect(*frame)) {
-      corners.push_back({c.id, c.pixel, Eigen::Vector2d::Zero()});
-    }
-    found_[camera] += !corners.empty();
-    if (corners.empty() && unexplained_[camera].size() < 6) unexplained_[camera].push_back(frame);
-    return corners;
-  }
-
-  /// After all images: refuses a target that a camera never showed, unless that one is excused, and
-  /// the other layout.
-  Status finish(const std::vector<ViewedCamera>& cameras, const std::vector<char>& excused) const {
-    for (size_t c = 0; c < cameras.size(); ++c) {
-      const CharucoLayout layout = detectors_[c]->layout();
-      if (target_.layout != CharucoLayout::kAny && layout != CharucoLayout::kAny &&
-          layout != target_.layout) {
-        const bool dark = layout == CharucoLayout::kDarkFirst;
-        return make_error(
-            ErrorCode::kInvalidInput, "camera " + cameras[c].name,
-            "the print has the other layout for its even number of rows: {} at its top-left. Write "
-            "layout = \"{}\" (or \"any\") into the target file",
-            dark ? "a dark square" : "a marker", dark ? "dark_first" : "marker_first");
-      }
-      if (found_[c] > 0 || excused[c]) continue;
-      std::string reason;
-      for (const FramePtr& frame : unexplained_[c]) {
-        reason = explain_missing_target(target_, *frame);
-        if (!reason.empty()) break;
-      }
-      return make_error(
-          ErrorCode::kInvalidInput, "camera " + cameras[c].name,
-          "the {} is in none of its {} images{}", target_.describe(), cameras[c].images,
-          reason.empty() ? "; is it in view, large and sharp enough?" : ": " + reason);
-    }
-    return {};
-  }
-
- private:
-  explicit Finder(const CalibrationTarget& target) : target_(target) {}
-
-  CalibrationTarget target_;
-  std::vector<std::unique_ptr<TargetDetector>> detectors_;
-  std::vector<size_t> found_;
-  std::vector<std::vector<FramePtr>> unexplained_;
-};
 
 /// All targets that are looked for, each with its finder.
 class Finders {
@@ -96,7 +31,7 @@ class Finders {
     parts.insert(parts.end(), target.others.begin(), target.others.end());
     int offset = 0;
     for (const CalibrationTarget& part : parts) {
-      SL_ASSIGN(auto finder, Finder::create(part, options, cameras));
+      SL_ASSIGN(auto finder, TargetFinder::create(part, options.window, cameras));
       out.parts_.push_back({part, std::move(finder), offset, {}});
       offset += part.own_corner_count();
     }
@@ -105,7 +40,7 @@ class Finders {
 
   struct Part {
     CalibrationTarget target;
-    std::unique_ptr<Finder> finder;
+    std::unique_ptr<TargetFinder> finder;
     int offset;  // of its corners' ids
     std::vector<TimedCorners> found;
   };
