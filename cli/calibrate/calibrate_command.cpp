@@ -13,6 +13,7 @@ void add_calibrate(CLI::App& app, Command& chosen) {
   add_calibrate_capture(*command, chosen);
   add_calibrate_solve(*command, chosen);
   add_calibrate_check(*command, chosen);
+  add_calibrate_axes(*command, chosen);
   add_calibrate_world(*command, chosen);
   add_calibrate_accept(*command, chosen);
   add_calibrate_import(*command, chosen);

@@ -7,6 +7,7 @@ namespace sightline::cli {
 
 /// The sub-commands of `sightline calibrate`, each added to it.
 void add_calibrate_accept(CLI::App& parent, Command& chosen);
+void add_calibrate_axes(CLI::App& parent, Command& chosen);
 void add_calibrate_capture(CLI::App& parent, Command& chosen);
 void add_calibrate_check(CLI::App& parent, Command& chosen);
 void add_calibrate_export(CLI::App& parent, Command& chosen);
