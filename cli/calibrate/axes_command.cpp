@@ -26,7 +26,7 @@ struct AxesCommandOptions {
   std::vector<std::filesystem::path> recordings;
   std::vector<std::filesystem::path> targets;
   std::filesystem::path calibration, out;
-  std::string camera, lens = "hold", scales = "free", world = "cameras";
+  std::string camera, lens = "hold", scales = "auto", world = "cameras";
   HeadRecordingsOptions views;
   AxesOptions solve;
   bool json = false;
@@ -98,7 +98,9 @@ Status run(const AxesCommandOptions& o) {
   SL_ASSIGN(const HeadSights sights, look(o, target, calibration));
   AxesOptions options = o.solve;
   options.refine_lens = o.lens == "refine";
-  options.hold_scales = o.scales == "hold";
+  options.scales = o.scales == "hold"   ? AxesScales::kHold
+                   : o.scales == "free" ? AxesScales::kFree
+                                        : AxesScales::kAuto;
   options.world_of_target = o.world == "target";
   SL_ASSIGN(const AxesSolution solution, solve_axes(sights, calibration, options));
   const AxesReport report = assess_axes(solution);
@@ -146,10 +148,12 @@ void add_calibrate_axes(CLI::App& parent, Command& chosen) {
   command->add_flag("--zoom", options->solve.zoom,
                     "make a zoom table: settings at two or more values of the zoom");
   command
-      ->add_option("--scales", options->scales,
-                   "free (default): angle per reading is solved for; hold: readings are degrees, "
-                   "only their signs are found")
-      ->check(CLI::IsMember({"free", "hold"}));
+      ->add_option(
+          "--scales", options->scales,
+          "angle per reading: free, solved for; hold, readings are degrees, only their signs "
+          "are found; auto (default): free, and 1 where it may be that and the lens is solved "
+          "for, too")
+      ->check(CLI::IsMember({"auto", "free", "hold"}));
   command
       ->add_option("--world", options->world,
                    "cameras (default): that of the cameras that stand still and of known targets; "

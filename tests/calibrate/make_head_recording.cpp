@@ -24,6 +24,7 @@ using namespace sightline;
 using namespace sightline::test;
 
 constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kGamma = 2.2;  // corners of tags are looked for in light
 
 struct Choice {
   std::string out, calibration, board;
@@ -111,11 +112,11 @@ class Recorder {
         way_(choice.head, random_) {
     for (size_t c = 0; c < cameras_.size(); ++c) {
       if (c == head_ && !choice.head.zooms.empty()) continue;
-      eyes_.emplace_back(cameras_[c]);
+      eyes_.emplace_back(cameras_[c], kGamma);
     }
     if (choice.head.zooms.empty()) return;
     for (const double zoom : choice.head.zooms) lenses_.push_back(zoomed(cameras_[head], zoom));
-    for (const CalibratedCamera& lens : lenses_) zoom_eyes_.emplace_back(lens);
+    for (const CalibratedCamera& lens : lenses_) zoom_eyes_.emplace_back(lens, kGamma);
   }
 
   Status record(RecordingWriter& writer) {

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <vector>
 
 #include "../support/random.hpp"
@@ -64,7 +66,12 @@ struct PlacedPrint {
 /// One camera's images of prints in front of a gray wall, nine rays to a pixel.
 class Photographer {
  public:
-  explicit Photographer(const CalibratedCamera& camera) : camera_(camera) {
+  /// `gamma`: light adds up, and is written as its 1/gamma-th power; 1: levels add up.
+  explicit Photographer(const CalibratedCamera& camera, double gamma = 1)
+      : camera_(camera), gamma_(gamma) {
+    for (size_t level = 0; level < light_.size(); ++level) {
+      light_[level] = static_cast<float>(std::pow(static_cast<double>(level) / 255, gamma));
+    }
     for (int y = 0; y < camera.model.height(); ++y) {
       for (int x = 0; x < camera.model.width(); ++x) {
         for (int k = 0; k < static_cast<int>(kRays); ++k) {
@@ -83,7 +90,7 @@ class Photographer {
   std::vector<uint8_t> shoot(const std::vector<PlacedPrint>& prints,
                              const Rigid3& world_from_camera) const {
     constexpr int kWall = 120;
-    std::vector<int> sums(rays_.size() / kRays, 0);
+    std::vector<float> sums(rays_.size() / kRays, 0);
     std::vector<char> free(rays_.size(), 1);
     for (const PlacedPrint& placed : prints) {
       const Rigid3 target_from_camera = placed.world_from_target.inverse() * world_from_camera;
@@ -94,12 +101,16 @@ class Photographer {
         const int level = placed.print->seen(from, turn * rays_[i]);
         if (level < 0) continue;
         free[i] = 0;
-        sums[i / kRays] += level;
+        sums[i / kRays] += light_[static_cast<size_t>(level)];
       }
     }
     std::vector<uint8_t> image;
-    for (size_t i = 0; i < rays_.size(); ++i) sums[i / kRays] += free[i] * kWall;
-    for (const int sum : sums) image.push_back(static_cast<uint8_t>(sum / kRays));
+    for (size_t i = 0; i < rays_.size(); ++i)
+      if (free[i]) sums[i / kRays] += light_[kWall];
+    for (const float sum : sums) {
+      const double light = std::min(1.0, static_cast<double>(sum) / kRays);
+      image.push_back(static_cast<uint8_t>(255 * std::pow(light, 1 / gamma_) + 1e-4));
+    }
     return image;
   }
 
@@ -107,6 +118,8 @@ class Photographer {
   static constexpr size_t kRays = 9;
 
   const CalibratedCamera& camera_;
+  const double gamma_;
+  std::array<float, 256> light_{};
   std::vector<Eigen::Vector3f> rays_;
 };
 

@@ -80,7 +80,7 @@ TEST(SolveAxes, ErrorsAreInsideTheCovarianceOfANoisyEncoder) {
 }
 
 TEST(SolveAxes, ErrorsAreInsideTheCovarianceWithTheLensRefined) {
-  expect_honest({.settings = 24}, {.refine_lens = true});
+  expect_honest({.settings = 24}, {.refine_lens = true, .scales = AxesScales::kFree});
 }
 
 TEST(SolveAxes, PlayIsFoundFromBothSides) {
@@ -159,12 +159,22 @@ TEST(SolveAxes, ARowOfTheZoomTableForEachSetting) {
     EXPECT_GT(lens.sigma, 1e-5);
   }
   EXPECT_NEAR(zoom[1].setting, 600, 1e-6);
+  const auto scale =
+      std::ranges::find(solved->solution.estimates, "pan_scale", &AxesEstimate::name);
+  EXPECT_THAT(scale->held, testing::HasSubstr("may be 1, and is held there"));
   // The lens in use is the one that the calibration had.
   EXPECT_EQ(solved->solution.camera.model.parameters().fx, zoom[0].fx);
 }
 
+TEST(SolveAxes, AScaleThatIsNotOneStaysFreeBesideALens) {
+  const auto solved = solve({.pan_scale = 0.9, .seed = 2}, {.refine_lens = true});
+  ASSERT_TRUE(solved);
+  EXPECT_NEAR(solved->solution.camera.axes->pan_scale, 0.9, 0.02);
+  EXPECT_GT(solved->solution.covariance(kPanScale, kPanScale), 0);
+}
+
 TEST(SolveAxes, WhatIsNotSaidIsHeldByName) {
-  const auto solved = solve({.moving_s = 0, .seed = 2}, {.hold_scales = true});
+  const auto solved = solve({.moving_s = 0, .seed = 2}, {.scales = AxesScales::kHold});
   ASSERT_TRUE(solved);
   // Between two settings there are images in motion as well; few of them.
   EXPECT_EQ(std::abs(solved->solution.camera.axes->pan_scale), 1);

@@ -13,10 +13,19 @@
 
 namespace sightline {
 
+/// What is done with angles per reading.
+enum class AxesScales {
+  /// Solved for; where the lens is, too, held at 1 or -1 if they may be that: focal length and
+  /// scale are hard to tell apart.
+  kAuto,
+  kFree,  ///< solved for
+  kHold   ///< readings are degrees: only their signs are found
+};
+
 struct AxesOptions {
-  bool refine_lens = false;      ///< solve for the lens, too (a zoom's lenses always are)
-  bool zoom = false;             ///< make a zoom table: settings at two or more values of the zoom
-  bool hold_scales = false;      ///< readings are degrees: only their signs are found
+  bool refine_lens = false;  ///< solve for the lens, too (a zoom's lenses always are)
+  bool zoom = false;         ///< make a zoom table: settings at two or more values of the zoom
+  AxesScales scales = AxesScales::kAuto;
   bool world_of_target = false;  ///< the world is that of the first body, its print up
   size_t min_settings = 8;       ///< at which the head stood still and saw something
   size_t min_corners = 6;        ///< of a setting that counts

@@ -11,6 +11,7 @@ namespace {
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kGoodPx = 1, kNotGoodPx = 3;  // held out
 constexpr double kGoodPlaceMm = 5;             // one sigma, at a meter
+constexpr double kGoodFocal = 0.005;
 constexpr double kGoodShareLeftOut = 0.25;
 
 double median(std::vector<double> values) {
@@ -89,6 +90,22 @@ void judge_fit(const AxesSolution& solution, AxesReport& r) {
     lower(r, CalibrationGrade::kUsable,
           fmt::format("corners are {:.2f} px off with the lens as it was given: --lens refine",
                       solution.rms_px));
+  }
+  double focal = 0;  // of it, one sigma
+  for (size_t l = 0; l < solution.lens_sigmas.size(); ++l) {
+    const auto& zoom = solution.camera.axes->zoom;
+    focal =
+        std::max(focal, solution.lens_sigmas[l].fx /
+                            (zoom.empty() ? solution.camera.model.parameters().fx : zoom[l].fx));
+  }
+  if (focal > kGoodFocal) {
+    // A camera before or behind its axes shows what a longer or shorter lens does.
+    lower(r, CalibrationGrade::kUsable,
+          fmt::format(
+              "the focal length is known to {:.1f} % only (one sigma): another recording with "
+              "the target at half or twice the distance tells it from how far the camera "
+              "stands off its axes",
+              100 * focal));
   }
   const double all = static_cast<double>(r.at_rest + solution.settings_left_out);
   if (static_cast<double>(solution.settings_left_out) > kGoodShareLeftOut * all) {

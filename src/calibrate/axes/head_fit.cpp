@@ -155,7 +155,8 @@ Result<std::string> tie_to_world(HeadProblem& problem,
     const auto seen = std::ranges::find(problem.free.bodies, 1);
     tied.push_back(static_cast<size_t>(seen - problem.free.bodies.begin()));
     // Origin at the top-left corner, x along the print, z up out of it; as `calibrate world`.
-    world_from_body[tied[0]] = Rigid3(Eigen::Quaterniond(0, 1, 0, 0), Eigen::Vector3d::Zero());
+    world_from_body[tied[0]] = Rigid3(Eigen::Quaterniond(0, 1, 0, 0), Eigen::Vector3d::Zero()) *
+                               sights.bodies[tied[0]].parts[0].body_from_target.inverse();
     problem.free.bodies[tied[0]] = 0;
     problem.fixed.clear();
     words = fmt::format("the world is that of {}, its print up", names_of(problem, tied));

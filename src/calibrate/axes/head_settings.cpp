@@ -93,6 +93,34 @@ double at_s(const HeadTimes& times, const HeadImage& image) {
   return to_seconds(image.capture - times.origin);
 }
 
+Error moved_before(const HeadSights& sights, size_t camera, size_t recording, double moved,
+                   double from_s) {
+  return make_error(
+      ErrorCode::kInvalidInput, "camera " + sights.cameras[camera].name,
+      "sees the board {:.1f} px from where it was, {:.2f} s after the beginning of {}: it was "
+      "moved "
+      "while the head looked at it. Leave it where it is for the whole recording; another place of "
+      "it is another recording",
+      moved, from_s, sights.recordings[recording].name);
+}
+
+/// A camera that stands still sees what moved between two times, if something did.
+Status check_moved(const HeadSights& sights, size_t recording, const HeadTimes& times,
+                   double from_s, double to_s) {
+  for (size_t camera = 1; camera < sights.cameras.size(); ++camera) {
+    const HeadImage *before = nullptr, *after = nullptr;
+    for (const HeadImage& image : sights.recordings[recording].images) {
+      if (image.camera != camera) continue;
+      if (at_s(times, image) <= from_s) before = &image;
+      if (at_s(times, image) >= to_s && after == nullptr) after = &image;
+    }
+    if (before == nullptr || after == nullptr) continue;
+    const double moved = moved_px(before->sights, after->sights);
+    if (moved > kBodyMovedPx) return moved_before(sights, camera, recording, moved, to_s);
+  }
+  return {};
+}
+
 /// The picture turns, and for as long as readings may be late they say that nothing does.
 Status check_frozen(const HeadSights& sights, size_t recording, const HeadTimes& times,
                     const std::vector<const HeadImage*>& images) {
@@ -104,6 +132,7 @@ Status check_frozen(const HeadSights& sights, size_t recording, const HeadTimes&
         !times.readings.constant(from - kSettles, late, times.tolerance)) {
       continue;
     }
+    SL_RETURN_IF_ERROR(check_moved(sights, recording, times, from, to));
     const auto still = times.readings.at(to);
     return make_error(ErrorCode::kInvalidInput, "camera " + sights.cameras[0].name,
                       "the angles are frozen while the picture turns: {:.2f} s after the beginning "
@@ -209,13 +238,7 @@ Result<std::vector<FixedSight>> fixed_sights(const HeadSights& sights,
         all.insert(all.end(), during.begin(), during.end());
         const double moved = moved_px(median_sights({all.front()}), median_sights(during));
         if (moved < kBodyMovedPx) continue;
-        return make_error(
-            ErrorCode::kInvalidInput, "camera " + sights.cameras[camera].name,
-            "sees the board {:.1f} px from where it was, {:.2f} s after the beginning of {}: it "
-            "was "
-            "moved between two settings of the head. Leave it where it is for the whole recording; "
-            "another place of it is another recording",
-            moved, setting.from_s, sights.recordings[r].name);
+        return moved_before(sights, camera, r, moved, setting.from_s);
       }
       for (BodySight& sight : median_sights(all)) {
         if (sight.corners.size() >= min_corners) out.push_back({camera, r, std::move(sight)});

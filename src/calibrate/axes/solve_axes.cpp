@@ -24,6 +24,8 @@ constexpr double kSlack = 0.04;           // [s] at either end of a rest
 constexpr size_t kLeastFromEachSide = 3;  // settings, for play
 constexpr int kRounds = 8;
 
+bool hold(const AxesOptions& options) { return options.scales == AxesScales::kHold; }
+
 /// Of a step's uniform distribution.
 double rounding_sigma(const HeadInputs& inputs) {
   return inputs.step < 0.5 * kDegree ? inputs.step / std::sqrt(12.0) : 0;
@@ -50,7 +52,7 @@ HeadProblem make_problem(const HeadInputs& inputs, const std::vector<CalibratedC
   problem.lens_start = problem.model.lenses;
   for (LensVector& lens : problem.lens_start) lens = lens_vector(camera.model);
   problem.free.lens = options.zoom || options.refine_lens;
-  problem.free.encoder[0] = problem.free.encoder[1] = !options.hold_scales;
+  problem.free.encoder[0] = problem.free.encoder[1] = !hold(options);
   for (const FixedSight& sight : inputs.fixed) {
     const CalibratedCamera* fixed =
         find_camera(calibration, inputs.sights.cameras[sight.camera].name);
@@ -143,6 +145,25 @@ Status find_latency(const HeadInputs& inputs, double rounding, double held_value
   return {};
 }
 
+/// Scales that may be 1 are, where the lens is solved for as well.
+void settle_scales(double rounding, HeadProblem& problem, HeldWords& held) {
+  constexpr double kSigmas = 3, kKnown = 0.03;
+  const HeadCovariance at = head_covariance(problem);
+  if (at.matrix.size() == 0 || !problem.free.lens) return;
+  for (const int axis : {0, 1}) {
+    const int column = at.layout.axes[static_cast<size_t>(kPanScale + axis)];
+    const double sigma = std::sqrt(at.matrix(column, column));
+    const double off = std::abs(std::abs(problem.model.encoder[static_cast<size_t>(axis)]) - 1);
+    if (off > kSigmas * sigma || sigma > kKnown) return;
+  }
+  for (const size_t axis : {0, 1}) {
+    problem.free.encoder[axis] = false;
+    problem.model.encoder[axis] = std::copysign(1.0, problem.model.encoder[axis]);
+  }
+  held.scales = "may be 1, and is held there: the lens is solved for (--scales free)";
+  fit(problem, Outliers::kSoft, kRounds, rounding);
+}
+
 /// What no noise explains.
 Status check_fit(const HeadInputs& inputs, const HeadProblem& problem, const AxesOptions& options,
                  double rounding) {
@@ -151,7 +172,7 @@ Status check_fit(const HeadInputs& inputs, const HeadProblem& problem, const Axe
                                          [](const HeadView& v) { return !v.moving() && !v.used; });
   const bool poor =
       rms > 0.7 || out > 0 || problem.reading_sigma > std::max(0.03 * kDegree, 3 * rounding);
-  if (poor) SL_RETURN_IF_ERROR(check_moved_bodies(inputs, problem, options.hold_scales));
+  if (poor) SL_RETURN_IF_ERROR(check_moved_bodies(inputs, problem, hold(options)));
   if (rms < 5 && reading < 1) return {};
   return make_error(
       ErrorCode::kInvalidInput, head_place(inputs.sights),
@@ -172,15 +193,16 @@ Result<AxesSolution> solve_axes(const HeadSights& sights,
   const double rounding = rounding_sigma(inputs);
   HeadProblem problem = make_problem(inputs, calibration, camera, options);
   problem.reading_sigma = std::max(problem.reading_sigma, rounding);
-  SL_RETURN_IF_ERROR(start_from_nothing(problem, options.hold_scales));
+  SL_RETURN_IF_ERROR(start_from_nothing(problem, hold(options)));
   SL_ASSIGN(const std::string world, tie_to_world(problem, calibration, options.world_of_target));
   fit(problem, Outliers::kSoft, kRounds, rounding);
   HeldWords held;
-  if (options.hold_scales) held.scales = "held as asked for: readings are degrees";
+  if (hold(options)) held.scales = "held as asked for: readings are degrees";
   if (!problem.free.lens) held.lens = "held as in the calibration";
   LatencyCurve curve;
   SL_RETURN_IF_ERROR(find_latency(inputs, rounding, camera.axes ? camera.axes->latency_s : 0,
                                   problem, curve, held));
+  if (options.scales == AxesScales::kAuto) settle_scales(rounding, problem, held);
   fit(problem, Outliers::kLeftOut, kRounds, rounding);
   SL_RETURN_IF_ERROR(check_fit(inputs, problem, options, rounding));
   start_latency(problem, curve);  // the curve of the final model
