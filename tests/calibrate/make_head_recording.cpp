@@ -30,7 +30,7 @@ struct Choice {
   std::string out, calibration, board;
   SyntheticHeadOptions head;
   double distance = 1.0, rate = 10, aside_deg = 0;
-  bool frozen = false, carried = false;
+  bool frozen = false, carried = false, object = false;
 };
 
 CalibratedCamera small_camera(const std::string& name, double focal) {
@@ -99,6 +99,30 @@ CalibratedCamera zoomed(CalibratedCamera camera, double zoom) {
   return camera;
 }
 
+/// The board as an object of the recording, its mesh a thin plate. Beside the recording, which
+/// takes a copy.
+Result<std::filesystem::path> write_object(const std::string& out, const CalibrationTarget& t) {
+  const std::filesystem::path folder = out + "_object";
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  const Eigen::Vector2d size = t.size();
+  std::string mesh;
+  for (const double z : {0.0, 0.004}) {
+    mesh +=
+        fmt::format("v 0 0 {2}\nv {0} 0 {2}\nv {0} {1} {2}\nv 0 {1} {2}\n", size.x(), size.y(), z);
+  }
+  mesh += "f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
+  SL_RETURN_IF_ERROR(write_file_atomically(folder / "board.obj", mesh));
+  SL_RETURN_IF_ERROR(write_file_atomically(
+      folder / "board.toml",
+      fmt::format(
+          "name = \"board\"\nmesh = \"board.obj\"\nunit = \"m\"\nmodalities = [\"fiducial\"]\n"
+          "[board]\ntype = \"charuco\"\ncolumns = {}\nrows = {}\nsquare = {}\nmarker = {}\n"
+          "dictionary = \"{}\"\n",
+          t.columns, t.rows, t.square, t.marker, t.dictionary)));
+  return folder / "board.toml";
+}
+
 class Recorder {
  public:
   Recorder(const Choice& choice, std::vector<CalibratedCamera> cameras, size_t head,
@@ -149,6 +173,19 @@ class Recorder {
       shown_zoom = zoom;
     }
     return {};
+  }
+
+  /// The board stands where it stands.
+  std::string truth_csv() const {
+    std::string text = "t_ns,object,tx,ty,tz,qw,qx,qy,qz\n";
+    const Eigen::Vector3d& t = world_from_board_.translation;
+    const Eigen::Quaterniond& q = world_from_board_.rotation;
+    for (double at = 0.003; at < way_.end(); at += 1 / choice_.rate) {
+      text += fmt::format("{},board,{:.9f},{:.9f},{:.9f},{:.9f},{:.9f},{:.9f},{:.9f}\n",
+                          to_ns(kHeadStart + from_seconds(at)), t.x(), t.y(), t.z(), q.w(), q.x(),
+                          q.y(), q.z());
+    }
+    return text;
   }
 
   std::string axes_csv() {
@@ -209,12 +246,18 @@ Status record(Choice choice) {
     options.cameras.push_back(
         {camera.name, PixelFormat::kI420, camera.model.width(), camera.model.height()});
   }
+  if (choice.object) {
+    SL_ASSIGN(options.objects.emplace_back(), write_object(choice.out, target));
+  }
   SL_ASSIGN(auto writer, RecordingWriter::create(choice.out, options));
   Recorder recorder(choice, cameras, static_cast<size_t>(head - cameras.begin()), target);
   SL_RETURN_IF_ERROR(recorder.record(*writer));
   SL_RETURN_IF_ERROR(writer->close());
   SL_RETURN_IF_ERROR(write_file_atomically(choice.out + "/axes.csv", recorder.axes_csv()));
   SL_RETURN_IF_ERROR(write_file_atomically(choice.out + "/board.toml", format_target(target)));
+  if (choice.object) {
+    SL_RETURN_IF_ERROR(write_file_atomically(choice.out + "/truth.csv", recorder.truth_csv()));
+  }
   head->axes.reset();
   return write_file_atomically(choice.out + "/before.toml", format_calibration(cameras));
 }
@@ -240,6 +283,7 @@ int main(int argc, char** argv) {
   app.add_option("--zooms", choice.head.zooms, "settings of the zoom")->delimiter(',');
   app.add_option("--seed", choice.head.seed, "of the places");
   app.add_option("--rate", choice.rate, "frames per second");
+  app.add_flag("--object", choice.object, "the board is an object, with its truth (truth.csv)");
   app.add_flag("--frozen", choice.frozen, "the angles freeze in the middle");
   app.add_flag("--carried", choice.carried, "the board is moved in the middle");
   CLI11_PARSE(app, argc, argv);
