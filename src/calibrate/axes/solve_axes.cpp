@@ -156,7 +156,7 @@ void settle_scales(double rounding, HeadProblem& problem, HeldWords& held) {
     const double off = std::abs(std::abs(problem.model.encoder[static_cast<size_t>(axis)]) - 1);
     if (off > kSigmas * sigma || sigma > kKnown) return;
   }
-  for (const size_t axis : {0, 1}) {
+  for (const size_t axis : {size_t{0}, size_t{1}}) {
     problem.free.encoder[axis] = false;
     problem.model.encoder[axis] = std::copysign(1.0, problem.model.encoder[axis]);
   }
