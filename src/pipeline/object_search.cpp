@@ -2,7 +2,6 @@
 #include "sightline/pipeline/object_search.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "pipeline/search/found_frames.hpp"
@@ -13,8 +12,7 @@
 namespace sightline {
 namespace {
 
-constexpr Duration kEager = std::chrono::seconds(10);  // after it went missing: no bound on cost
-constexpr Duration kArriving = std::chrono::milliseconds(500);  // from handed out to its track
+constexpr Duration kEager = std::chrono::seconds(10);     // after it went missing: no bound on cost
 constexpr Duration kForgotten = std::chrono::seconds(5);  // without a search: it goes missing anew
 
 // Null where the mesh has no colors.
@@ -211,44 +209,6 @@ void ObjectSearch::take_messages() {
   }
 }
 
-// Of other meshes nothing is taken: where one of those is believed by mistake, this one may be.
-void ObjectSearch::set_others(Target& target, Time now, std::span<const PoseTrackPtr> tracks) {
-  std::vector<KnownObject> known;
-  size_t alike = 0;
-  for (const Target& other : targets_) {
-    if (&other == &target || !look_alike(target, other)) continue;
-    const double age = to_seconds(now - other.handed.time);
-    if (!missing(other, now, tracks)) {
-      const PoseAt at = tracks[other.object.index()]->at(now);
-      if (at.source == PoseSource::kNone) continue;
-      known.push_back({other.views.get(), at.estimate.world_from_object});
-    } else if (!other.handed.poses.empty() && std::abs(age) < to_seconds(kArriving)) {
-      const DetectedPose& pose = other.handed.poses.front();
-      known.push_back({other.views.get(), pose.world_from_object * Rigid3::exp(pose.twist * age)});
-    } else {
-      ++alike;
-    }
-  }
-  target.detector->set_others(std::move(known), alike);
-}
-
-bool ObjectSearch::look_alike(const Target& a, const Target& b) {
-  return a.alike.kind >= 0 && a.alike.kind == b.alike.kind;
-}
-
-bool ObjectSearch::doubles(const Target& target, const Rigid3& pose, Time now,
-                           std::span<const PoseTrackPtr> tracks) const {
-  const Eigen::Vector3d place = pose * target.alike.center;
-  return std::any_of(targets_.begin(), targets_.end(), [&](const Target& other) {
-    if (&other == &target || !look_alike(target, other)) return false;
-    if (other.handed.time > target.handed.time || missing(other, now, tracks)) return false;
-    const PoseAt at = tracks[other.object.index()]->at(now);
-    return at.source != PoseSource::kNone &&
-           (at.estimate.world_from_object * other.alike.center - place).norm() <
-               target.alike.thickness;
-  });
-}
-
 Detection ObjectSearch::look_where_told(Target& target, Time now) {
   if (target.told && (now > target.told->until || target.told->tries++ >= kHintTries)) {
     target.told.reset();
@@ -344,8 +304,8 @@ void ObjectSearch::check(Target& target, Time now, std::span<const PoseTrackPtr>
     return;
   }
   Detection other;
-  if (doubles(target, pose, now, tracks)) {
-    other = look_everywhere(target);
+  if (now - target.last >= target.pause && doubles(target, pose, now, tracks)) {
+    other = look_for_double(target, now);
   } else if (target.proof.refuted_by(*target.views, pose, compared)) {
     other = target.policy.by_outline(std::move(compared.best), target.colors.get());
   } else if (target.proof.take_doubts()) {  // it may be covered; then nothing is found elsewhere

@@ -150,6 +150,7 @@ class ObjectSearch {
   /// Whether an object that looks the same, and was found before, is where this one is said to be.
   bool doubles(const Target& target, const Rigid3& pose, Time now,
                std::span<const PoseTrackPtr> tracks) const;
+  Detection look_for_double(Target& target, Time now);
   static bool look_alike(const Target& a, const Target& b);
   Detection look_where_told(Target& target, Time now);
   static Detection by_features(Target& target, PoseProposals proposals);
