@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is claimed to be there and is not:
 
-    bench/false_alarms.py [--bin build/release/bin] [--replay "--search-cost 0.5"] [--jobs N] RECORDING ...
+    bench/false_alarms.py [--bin build/release/bin] [--replay "--search-cost 0.5"] [--jobs N] [--alike N] RECORDING ...
 
 Replays every recording with the object of every other one, which is not in its images (objects of the same name are
-left out), by region, edge and texture. Prints the pairs in which anything was claimed, with rows `tracking`, `degraded`
+left out), by region, edge and texture; with --alike as so many objects that look the same. Prints the pairs in which anything was claimed, with rows `tracking`, `degraded`
 and `coasting`, then totals: seconds of footage, rows, `tracking` rows, and stretches of `degraded` a minute. Exits 1 if
 anything was `tracking`, 2 for bad input."""
 import concurrent.futures
@@ -24,20 +24,25 @@ def foreign_pairs(recordings):
 
 
 def stretches(rows, state):
-    """How often it is entered."""
-    states = [row["state"] for row in rows]
-    return sum(a == state and b != state for a, b in zip(states, [None] + states))
+    """How often it is entered, by any object."""
+    count, before = 0, {}
+    for row in rows:
+        count += row["state"] == state != before.get(row["object"])
+        before[row["object"]] = row["state"]
+    return count
 
 
 def main():
     parser = recording_parser(__doc__)
     add_replay_option(parser)
     add_jobs_option(parser)
+    parser.add_argument("--alike", type=int, choices=range(1, 9), default=1, metavar="N",
+                        help="look for so many of the object at once (default 1)")
     options = parser.parse_args()
     pairs = list(foreign_pairs(options.recordings))
     seconds = rows = tracking = degraded = entered = 0
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
-        done = pool.map(lambda pair: replay_with_object(options, pair[0], pair[2]), pairs)
+        done = pool.map(lambda pair: replay_with_object(options, pair[0], pair[2], options.alike), pairs)
         for (recording, name, _), poses in zip(pairs, done):
             counts = count_states(poses)
             seconds += recording.seconds

@@ -119,9 +119,20 @@ def object_text(object_file):
                   object_file.read_text(encoding="utf-8"), flags=re.MULTILINE)
 
 
-def write_replay_config(recording, object_file, folder):
-    """A configuration that searches the recording for this object alone."""
-    lines = [f'calibration = "{recording.folder}/calibration.toml"', f'[[object]]\nfile = "{object_file}"']
+def write_copies(object_file, count, folder):
+    """Object files of so many objects that are as this one, by other names."""
+    copies = []
+    for i in range(1, count + 1):
+        copies.append(pathlib.Path(folder, f"copy_{i}.toml"))
+        name = f'name = "{object_name(object_file)}_{i}"'
+        copies[-1].write_text(re.sub(r"(?m)^name\s*=.*$", name, object_text(object_file), count=1), encoding="utf-8")
+    return copies
+
+
+def write_replay_config(recording, object_files, folder):
+    """A configuration that searches the recording for these objects alone."""
+    lines = [f'calibration = "{recording.folder}/calibration.toml"']
+    lines += [f'[[object]]\nfile = "{object_file}"' for object_file in object_files]
     lines += [f'[[camera]]\nname = "{name}"\nsource = "replay:{recording.folder}"' for name in recording.cameras]
     config = pathlib.Path(folder, "config.toml")
     config.write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -144,10 +155,11 @@ def replay(options, recording, poses, config=None):
     return read_csv(poses)
 
 
-def replay_with_object(options, recording, object_file):
-    """Rows of the pose log with this object instead of the recording's own."""
+def replay_with_object(options, recording, object_file, count=1):
+    """Rows of the pose log with this object instead of the recording's own, or with so many that are like it."""
     with tempfile.TemporaryDirectory(prefix="sightline_replay.") as folder:
-        config = write_replay_config(recording, object_file, folder)
+        files = [object_file] if count == 1 else write_copies(object_file, count, folder)
+        config = write_replay_config(recording, files, folder)
         return replay(options, recording, os.path.join(folder, "poses.csv"), config)
 
 

@@ -18,6 +18,7 @@
 #include "sightline/pipeline/mesh_depth_renderer.hpp"
 #include "sightline/pipeline/object_views.hpp"
 #include "sightline/record/evaluate.hpp"
+#include "split.hpp"
 
 namespace sightline::cli {
 namespace {
@@ -51,7 +52,7 @@ Result<Evaluation> evaluate_files(const EvaluateCommandOptions& options) {
   EvaluateOptions rules;
   rules.keyframes = options.keyframes || options.truth.filename() == "keyframes.csv";
   for (const std::string& names : options.alike) {
-    rules.alike.push_back(CLI::detail::split(names, ','));
+    rules.alike.push_back(split(names, ','));
     if (rules.alike.back().size() > EvaluateOptions::kMostAlike) {
       return make_error(ErrorCode::kInvalidInput, "--alike", "{} names, at most {} of a kind",
                         rules.alike.back().size(), EvaluateOptions::kMostAlike);

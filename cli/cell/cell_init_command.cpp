@@ -23,6 +23,7 @@
 #include "sightline/config/cell_draft.hpp"
 #include "sightline/config/installation.hpp"
 #include "sightline/record/copy_files.hpp"
+#include "split.hpp"
 
 namespace sightline::cli {
 namespace {
@@ -61,18 +62,6 @@ bool is_topic(const std::string& name) {
   return !name.empty() && name[0] != '/' && std::ranges::none_of(name, [](unsigned char c) {
     return c < ' ' || c == '+' || c == '#';
   });
-}
-
-std::vector<std::string> split(const std::string& text, char at) {
-  std::vector<std::string> parts(1);
-  for (const char c : text) {
-    if (c == at) {
-      parts.emplace_back();
-    } else {
-      parts.back() += c;
-    }
-  }
-  return parts;
 }
 
 CellSetup::Host& host_of(CellSetup& setup, const std::string& name) {

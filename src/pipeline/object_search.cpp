@@ -203,7 +203,8 @@ void ObjectSearch::take_messages() {
       target.told = message.told;
       target.pause = Duration(0);
       if (message.told) continue;
-      target.found = target.handed = {};
+      target.found = {};
+      target.handed.reset();
       target.detector->forget();
     }
   }
@@ -328,8 +329,10 @@ void ObjectSearch::check(Target& target, Time now, std::span<const PoseTrackPtr>
 }
 
 void ObjectSearch::hand_out(Target& target, std::vector<Observation>& out) const {
-  target.handed = target.found;
-  target.handed.observations.clear();
+  if (!target.found.poses.empty()) {
+    target.handed = target.found.poses.front();
+    target.handed_at = target.found.time;
+  }
   if (found_frames_) found_frames_->offer(target.found, *target.views, target.refutes);
   for (const Observation& observation : target.found.observations) {
     out.push_back(observation);

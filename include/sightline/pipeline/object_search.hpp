@@ -117,8 +117,9 @@ class ObjectSearch {
     std::optional<Told> told = {};
     bool printed = false;  ///< see RigObject
     AlikeObject alike = {};
-    Detection handed = {};  ///< last of those that were handed out
-    bool refutes = false;   ///< `found` is another orientation than that of the track
+    std::optional<DetectedPose> handed = {};  ///< last of those that were handed out
+    Time handed_at{};                         ///< capture that it is of
+    bool refutes = false;  ///< `found` is another orientation than that of the track
     PoseProof proof = {};
     Time checked{};        ///< last
     Time missing_since{};  ///< first of the searches in a row that have not found it
@@ -150,6 +151,7 @@ class ObjectSearch {
   /// Whether an object that looks the same, and was found before, is where this one is said to be.
   bool doubles(const Target& target, const Rigid3& pose, Time now,
                std::span<const PoseTrackPtr> tracks) const;
+  /// Where else the second of two at one place is; nothing: nowhere.
   Detection look_for_double(Target& target, Time now);
   static bool look_alike(const Target& a, const Target& b);
   Detection look_where_told(Target& target, Time now);

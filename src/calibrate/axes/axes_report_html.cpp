@@ -16,16 +16,6 @@ namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
 
-const char* css_class(CalibrationGrade grade) {
-  return grade == CalibrationGrade::kGood     ? "good"
-         : grade == CalibrationGrade::kUsable ? "usable"
-                                              : "notgood";
-}
-
-std::string number(const std::optional<double>& value, int digits, const char* unit) {
-  return value ? fmt::format("{:.{}f} {}", *value, digits, unit) : "-";
-}
-
 std::string summary(const AxesSolution& s, const AxesReport& r, const std::string& epoch) {
   std::string html = fmt::format("<h1>Axes of camera {}: <span class=\"{}\">{}</span></h1>\n<ul>",
                                  html_text(s.camera.name), css_class(r.grade), to_string(r.grade));

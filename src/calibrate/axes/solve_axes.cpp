@@ -148,8 +148,9 @@ Status find_latency(const HeadInputs& inputs, double rounding, double held_value
 /// Scales that may be 1 are, where the lens is solved for as well.
 void settle_scales(double rounding, HeadProblem& problem, HeldWords& held) {
   constexpr double kSigmas = 3, kKnown = 0.03;
+  if (!problem.free.lens) return;
   const HeadCovariance at = head_covariance(problem);
-  if (at.matrix.size() == 0 || !problem.free.lens) return;
+  if (at.matrix.size() == 0) return;
   for (const int axis : {0, 1}) {
     const int column = at.layout.axes[static_cast<size_t>(kPanScale + axis)];
     const double sigma = std::sqrt(at.matrix(column, column));

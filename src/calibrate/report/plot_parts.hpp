@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <string>
+
+#include "sightline/calibrate/assess.hpp"
 
 namespace sightline::calibrate {
 
@@ -17,5 +20,9 @@ std::string note(double x, double y, const std::string& text);
 
 /// The beginning of a report's page, <body> included.
 std::string report_head(const std::string& title);
+/// Of the page's style sheet.
+const char* css_class(CalibrationGrade grade);
+/// With its unit; "-": there is none.
+std::string number(const std::optional<double>& value, int digits, const char* unit);
 
 }  // namespace sightline::calibrate

@@ -215,4 +215,14 @@ std::string link_plot(const std::vector<CameraReport>& cameras,
   return svg + "</svg>";
 }
 
+const char* css_class(CalibrationGrade grade) {
+  return grade == CalibrationGrade::kGood     ? "good"
+         : grade == CalibrationGrade::kUsable ? "usable"
+                                              : "notgood";
+}
+
+std::string number(const std::optional<double>& value, int digits, const char* unit) {
+  return value ? fmt::format("{:.{}f} {}", *value, digits, unit) : "-";
+}
+
 }  // namespace sightline::calibrate

@@ -31,16 +31,6 @@ svg .t,svg .c{font:600 12px sans-serif}svg .n{font:11px sans-serif;fill:#555}
 p.small{color:#555;font-size:13px}
 </style>)";
 
-const char* css_class(CalibrationGrade grade) {
-  return grade == CalibrationGrade::kGood     ? "good"
-         : grade == CalibrationGrade::kUsable ? "usable"
-                                              : "notgood";
-}
-
-std::string number(const std::optional<double>& value, int digits, const char* unit) {
-  return value ? fmt::format("{:.{}f} {}", *value, digits, unit) : "-";
-}
-
 std::string summary(const CalibrationViews& views, const RigSolution& solution,
                     const RigReport& report, const std::string& epoch) {
   std::string html = fmt::format(

@@ -124,7 +124,7 @@ constexpr double kNoColorsAgree = 0.15, kMaxContourRivalWithoutColors = 0.6;
 constexpr double kFewColorsAgree = 0.25;
 constexpr double kOtherPlace = 1.0;  // of the radius
 // Overlap over union of the silhouettes of two things, mean over the cameras, that cannot both be
-// there: from 0.8 on at one pose, 0.4 and more in other orientations of a compact thing.
+// there: an irregular body turned at its place has more, beside it less (other_objects_test).
 constexpr double kTakenOverlap = 0.4;
 // Of what several searches in a row have to find.
 constexpr double kMinWeakScore = 0.5, kMaxWeakRival = 0.85;

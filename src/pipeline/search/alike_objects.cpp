@@ -19,14 +19,14 @@ void ObjectSearch::set_others(Target& target, Time now, std::span<const PoseTrac
   size_t alike = 0;
   for (const Target& other : targets_) {
     if (&other == &target || !look_alike(target, other)) continue;
-    const double age = to_seconds(now - other.handed.time);
+    const double age = to_seconds(now - other.handed_at);
     if (!missing(other, now, tracks)) {
       const PoseAt at = tracks[other.object.index()]->at(now);
       if (at.source == PoseSource::kNone) continue;
       known.push_back({other.views.get(), at.estimate.world_from_object});
-    } else if (!other.handed.poses.empty() && std::abs(age) < to_seconds(kArriving)) {
-      const DetectedPose& pose = other.handed.poses.front();
-      known.push_back({other.views.get(), pose.world_from_object * Rigid3::exp(pose.twist * age)});
+    } else if (other.handed && std::abs(age) < to_seconds(kArriving)) {
+      const Rigid3 moved = Rigid3::exp(other.handed->twist * age);
+      known.push_back({other.views.get(), other.handed->world_from_object * moved});
     } else {
       ++alike;
     }
@@ -43,7 +43,7 @@ bool ObjectSearch::doubles(const Target& target, const Rigid3& pose, Time now,
   const Eigen::Vector3d place = pose * target.alike.center;
   return std::any_of(targets_.begin(), targets_.end(), [&](const Target& other) {
     if (&other == &target || !look_alike(target, other)) return false;
-    if (other.handed.time > target.handed.time || missing(other, now, tracks)) return false;
+    if (other.handed_at > target.handed_at || missing(other, now, tracks)) return false;
     const PoseAt at = tracks[other.object.index()]->at(now);
     return at.source != PoseSource::kNone &&
            (at.estimate.world_from_object * other.alike.center - place).norm() <
