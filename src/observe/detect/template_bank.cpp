@@ -204,15 +204,11 @@ class TemplateScan {
   }
 
   void scan(const ScanHit& at) {
-    ptrdiff_t before = 0;
     for (int y = 0; y < maps_.height(); y += kScanRowStep) {
       const auto [left, end] =
           range_.rows.empty() ? std::array{0, maps_.width()} : range_.rows[static_cast<size_t>(y)];
       const int first = left / kColumnStep;
       const int columns = std::max(0, (end - kColumnStep * first + kColumnStep - 1) / kColumnStep);
-      const ptrdiff_t offset = y * maps_.stride() + first;
-      for (size_t i = 0; i < count_; ++i) features_[i] += offset - before;
-      before = offset;
       places_ += static_cast<uint64_t>(columns);
       if (columns > 0) scan_row(at, first, columns, y);
     }
@@ -228,7 +224,8 @@ class TemplateScan {
  private:
   void scan_row(const ScanHit& at, int first, int columns, int y) {
     const uint8_t threshold = hits_.threshold();
-    if (!sum_features({features_.data(), count_}, columns, threshold, sums_.data())) return;
+    const ptrdiff_t offset = y * maps_.stride() + first;
+    if (!sum_features({features_.data(), count_}, offset, columns, threshold, sums_.data())) return;
     const auto end = static_cast<size_t>(columns);
     for (size_t x = next_reaching(sums_, 0, end, threshold); x < end;
          x = next_reaching(sums_, x + 1, end, threshold)) {
@@ -245,7 +242,7 @@ class TemplateScan {
 
   const ResponseMaps& maps_;
   const ScanRange& range_;
-  std::array<const uint8_t*, ViewFeatures::kMax> features_{};  // of the row that is scanned
+  std::array<const uint8_t*, ViewFeatures::kMax> features_{};  // of the first place
   size_t count_ = 0;
   std::vector<uint8_t> sums_;
   HitList hits_;

@@ -160,6 +160,12 @@ Result<std::shared_ptr<const ViewpointModel>> ViewpointModel::build(
 
 // What follows from the directions alone.
 void ViewpointModel::finish() {
+  camera_from_object_.clear();
+  for (const Record& record : records_) {
+    const Eigen::Vector3d direction = record.direction.cast<double>().normalized();
+    camera_from_object_.push_back(
+        look_at_center(direction, center_, options_.distance_radii * radius_));
+  }
   const ViewSphere sphere = make_view_sphere(options_.subdivisions);
   neighbors_ = sphere.neighbors;
   neighbor_counts_ = sphere.counts;
@@ -177,10 +183,9 @@ void ViewpointModel::finish() {
 
 View ViewpointModel::view(size_t index) const {
   const Record& record = records_[index];
-  const Eigen::Vector3d direction = record.direction.cast<double>().normalized();
   View view;
   view.direction = record.direction;
-  view.camera_from_object = look_at_center(direction, center_, options_.distance_radii * radius_);
+  view.camera_from_object = camera_from_object_[index];
   view.contour = std::span(contours_).subspan(record.first_contour, record.contours);
   view.edges = std::span(edges_).subspan(record.first_edge, record.edges);
   view.area = record.area;

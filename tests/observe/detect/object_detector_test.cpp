@@ -247,7 +247,7 @@ TEST(ScanKernel, LeavesOutOnlyWhatCannotReachTheThreshold) {
   int left_out = 0, reached = 0;
   for (const uint8_t threshold : std::array<uint8_t, 4>{120, 160, 190, 210}) {
     std::vector<uint8_t> sums(kColumns + 64);
-    observe::sum_features(features, kColumns, threshold, sums.data());
+    observe::sum_features(features, 0, kColumns, threshold, sums.data());
     for (size_t x = 0; x < kColumns; ++x) {
       int whole = 0;
       for (const auto& map : maps) whole += map[x];
@@ -292,8 +292,8 @@ TEST(ScanKernel, IsTheSameWithAndWithoutAvx2) {
   for (const int columns : {1, 31, 32, 33, 160, 161, 320, 500}) {
     for (const uint8_t threshold : std::array<uint8_t, 6>{1, 120, 160, 190, 210, 249}) {
       std::vector<uint8_t> a(600), b(600);
-      EXPECT_EQ(observe::sum_features_scalar(features, columns, threshold, a.data()),
-                observe::sum_features_avx2(features, columns, threshold, b.data()));
+      EXPECT_EQ(observe::sum_features_scalar(features, 0, columns, threshold, a.data()),
+                observe::sum_features_avx2(features, 0, columns, threshold, b.data()));
       EXPECT_EQ(a, b);
     }
   }

@@ -157,6 +157,7 @@ class ViewpointModel {
   std::optional<ShapeSymmetry::Axis> symmetry_axis_, near_axis_;
   std::shared_ptr<const observe::RevolvedSurface> revolved_;
   std::vector<Record> records_;
+  std::vector<Rigid3> camera_from_object_;  ///< of each view
   std::vector<ContourSample> contours_;
   std::vector<InnerEdgeSample> edges_;
   std::vector<std::array<uint16_t, 6>> neighbors_;

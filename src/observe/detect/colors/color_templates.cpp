@@ -18,16 +18,14 @@ constexpr float kNoColor = 0.5f;    // [levels^2] variance of a channel that is 
 void ColorMap::compute(const HalfSizeImage& image) {
   width_ = image.width / 2;
   height_ = image.height / 2;
-  pixels_.assign(static_cast<size_t>(width_) * static_cast<size_t>(height_),
-                 Eigen::Array4f::Zero());
+  pixels_.assign(static_cast<size_t>(width_) * static_cast<size_t>(height_), Sums{});
   for (size_t plane = 0; plane < 3; ++plane) {
     for (int y = 0; y < height_; ++y) {
       const uint8_t *above = image.row(plane, 2 * y), *below = image.row(plane, 2 * y + 1);
-      Eigen::Array4f* to = pixels_.data() + static_cast<size_t>(y) * static_cast<size_t>(width_);
+      Sums* to = pixels_.data() + static_cast<size_t>(y) * static_cast<size_t>(width_);
       for (int x = 0; x < width_; ++x) {
-        to[x][static_cast<Eigen::Index>(plane)] =
-            0.25f *
-            static_cast<float>(above[2 * x] + above[2 * x + 1] + below[2 * x] + below[2 * x + 1]);
+        to[x][plane] = static_cast<uint16_t>(above[2 * x] + above[2 * x + 1] + below[2 * x] +
+                                             below[2 * x + 1]);
       }
     }
   }
@@ -85,7 +83,7 @@ float ColorTemplates::correlation(const WeakPerspectivePose& pose, const ColorMa
     const int x = static_cast<int>(pose.x + c * spot.x - s * spot.y + 0.5f);
     const int y = static_cast<int>(pose.y + s * spot.x + c * spot.y + 0.5f);
     if (x < 0 || y < 0 || x >= map.width() || y >= map.height()) continue;
-    const Eigen::Array4f& shown = map.at(x, y);
+    const Eigen::Array4f shown = map.at(x, y);
     a += spot.color;
     b += shown;
     ab += spot.color * shown;

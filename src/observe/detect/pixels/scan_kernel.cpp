@@ -6,18 +6,18 @@
 
 namespace sightline::observe {
 
-bool sum_features_scalar(std::span<const uint8_t* const> features, int columns, uint8_t threshold,
-                         uint8_t* sums) {
-  return sum_all(features, columns, threshold, sums);
+bool sum_features_scalar(std::span<const uint8_t* const> features, ptrdiff_t offset, int columns,
+                         uint8_t threshold, uint8_t* sums) {
+  return sum_all(features, offset, columns, threshold, sums);
 }
 
-bool sum_features(std::span<const uint8_t* const> features, int columns, uint8_t threshold,
-                  uint8_t* sums) {
+bool sum_features(std::span<const uint8_t* const> features, ptrdiff_t offset, int columns,
+                  uint8_t threshold, uint8_t* sums) {
 #ifdef SIGHTLINE_X86_64
   static const auto best = cpu_has_avx2() ? sum_features_avx2 : sum_features_scalar;
-  return best(features, columns, threshold, sums);
+  return best(features, offset, columns, threshold, sums);
 #else
-  return sum_features_scalar(features, columns, threshold, sums);
+  return sum_features_scalar(features, offset, columns, threshold, sums);
 #endif
 }
 

@@ -3,9 +3,9 @@
 
 namespace sightline::observe {
 
-bool sum_features_avx2(std::span<const uint8_t* const> features, int columns, uint8_t threshold,
-                       uint8_t* sums) {
-  return sum_all(features, columns, threshold, sums);
+bool sum_features_avx2(std::span<const uint8_t* const> features, ptrdiff_t offset, int columns,
+                       uint8_t threshold, uint8_t* sums) {
+  return sum_all(features, offset, columns, threshold, sums);
 }
 
 }  // namespace sightline::observe

@@ -38,29 +38,30 @@ inline void add_features(std::span<const uint8_t* const> features, ptrdiff_t at,
 // sums are zero then, instead of something below the threshold.
 template <int kVectors>
 inline bool sum_block(std::span<const uint8_t* const> features, ptrdiff_t at, uint8_t threshold,
-                      uint8_t* sums) {
+                      uint8_t* to) {
   Bytes sum[kVectors] = {};
   const size_t first = features.size() / 2;
   const size_t most_of_rest = kMostOfFeature * (features.size() - first);
   add_features(features.first(first), at, sum);
   if (threshold > most_of_rest &&
       !any_reaches(sum, static_cast<uint8_t>(threshold - most_of_rest))) {
-    std::memset(sums + at, 0, sizeof sum);
+    std::memset(to, 0, sizeof sum);
     return false;
   }
   add_features(features.subspan(first), at, sum);
-  for (int k = 0; k < kVectors; ++k) std::memcpy(sums + at + kBytes * k, &sum[k], sizeof sum[k]);
+  for (int k = 0; k < kVectors; ++k) std::memcpy(to + kBytes * k, &sum[k], sizeof sum[k]);
   return any_reaches(sum, threshold);
 }
 
-inline bool sum_all(std::span<const uint8_t* const> features, int columns, uint8_t threshold,
-                    uint8_t* sums) {
+inline bool sum_all(std::span<const uint8_t* const> features, ptrdiff_t offset, int columns,
+                    uint8_t threshold, uint8_t* sums) {
   bool any = false;
   int x = 0;
   for (; x + kBlock <= columns; x += kBlock) {
-    any |= sum_block<kBlock / kBytes>(features, x, threshold, sums);
+    any |= sum_block<kBlock / kBytes>(features, offset + x, threshold, sums + x);
   }
-  for (; x < columns; x += 32) any |= sum_block<32 / kBytes>(features, x, threshold, sums);
+  for (; x < columns; x += 32)
+    any |= sum_block<32 / kBytes>(features, offset + x, threshold, sums + x);
   return any;
 }
 
