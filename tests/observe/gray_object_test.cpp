@@ -181,6 +181,27 @@ TEST(GrayObject, APrintedBoxBeforeClutterIsHeld) {
   EXPECT_LT(*std::max_element(deg.begin() + 3, deg.end()), 5);
 }
 
+// Its edges have to say what its grays do not.
+TEST(GrayObject, APlainBoxOfTheRoomsGraysIsHeld) {
+  SceneRigOptions options = options_of(1s, false);
+  options.shape = std::make_shared<const test::RayMesh>(box());
+  options.paint.kind = test::Paint::Kind::kPlain;
+  options.paint.color = Eigen::Vector3f::Constant(0.2f);
+  const SceneRig rig(options);
+  Tracking tracking(rig);
+  int sets = 0, near = 0;
+  for (const auto& set : rig.sets()) {
+    const PoseEstimate estimate = tracking.step(set);
+    const Rigid3 truth = rig.truth(set.front().true_capture);
+    ++sets;
+    near += translation_distance(truth, estimate.world_from_object) < 0.01 &&
+                    rotation_angle(truth, estimate.world_from_object) < 0.1
+                ? 1
+                : 0;
+  }
+  EXPECT_GE(near, sets - 2);
+}
+
 TEST(GrayObject, ABoxThatIsGoneIsNotClaimed) {
   const SceneRig rig(options_of(1s, true));
   Tracking tracking(rig);

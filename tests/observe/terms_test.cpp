@@ -3,8 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <vector>
 
+#include "observe/terms/image_colors.hpp"
 #include "observe/terms/rig_motion.hpp"
 #include "observe/terms/robust_loss.hpp"
 #include "observe/terms/shared_error.hpp"
@@ -12,6 +16,19 @@
 
 namespace sightline::observe {
 namespace {
+
+TEST(ImageColors, GraysOfOneTintAreNone) {
+  constexpr int kWidth = 64, kHeight = 48;
+  std::vector<uint8_t> u(kWidth * kHeight, 128), v(kWidth * kHeight, 121);
+  const PlaneView tinted{v.data(), kWidth, kHeight, kWidth};
+  const PlaneView plain{u.data(), kWidth, kHeight, kWidth};
+  EXPECT_FALSE(has_colors(plain, tinted));
+  for (size_t i = 0; i < u.size(); ++i) u[i] = static_cast<uint8_t>(126 + i % 5);
+  EXPECT_FALSE(has_colors(plain, tinted)) << "noise of compressed video";
+  for (int y = 10; y < 30; ++y) std::fill_n(&v[static_cast<size_t>(y * kWidth + 10)], 20, 140);
+  EXPECT_TRUE(has_colors(plain, tinted)) << "one thing in color";
+  EXPECT_FALSE(has_colors({}, {})) << "no pixels";
+}
 
 TEST(HuberLoss, WeightIsTheSlopeOverTheError) {
   const HuberLoss loss(2.0);

@@ -91,6 +91,7 @@ constexpr int kColorBins = 8;        // of each channel
 // more.
 constexpr size_t kSectors = 12;        // stretches of the outline
 constexpr size_t kSectorBins = 16;     // of each channel
+constexpr double kGrayExponent = 2.5;  // of the Bhattacharyya coefficient of luma, without color
 constexpr int kSectorReach = 8;        // [half-size px] samples on either side of the outline
 constexpr int kMinSectorPixels = 8;    // on each side
 constexpr size_t kMaxPool = 500;       // poses that climb

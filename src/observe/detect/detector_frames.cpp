@@ -230,7 +230,7 @@ SearchWork DetectorFrames::work() const {
 
 bool DetectorFrames::show_colors() const {
   return std::ranges::any_of(fit_cameras_,
-                             [](const FitCamera& camera) { return has_colors(*camera.image); });
+                             [](const FitCamera& camera) { return camera.image->in_color; });
 }
 
 }  // namespace sightline::observe

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "observe/terms/image_colors.hpp"
 #include "observe/track/track_constants.hpp"
 
 namespace sightline::observe {
@@ -75,14 +76,17 @@ OutlineAgreement ModelTracker::find_outline(const Look& look, const ColorHistogr
   // What was found may be something else: colors that do not tell clearly fit where they were read,
   // whatever is there. From afar an outline gets to something else more often. Of what was held by
   // the colors of its stretches, those as a whole are known not to tell.
-  if (from_detection || look.from_afar || held_locally) {
-    const double least = look.from_afar && held_locally ? kMinEdgeSupport : kHeldEdgeSupport;
+  const I420View image = look.frame.i420();
+  const bool in_color = has_colors(image.u, image.v);
+  if (from_detection || look.from_afar || held_locally || !in_color) {
+    const double least = look.from_afar && held_locally ? kAfarEdgeSupport : kHeldEdgeSupport;
     all.seen = all.seen && all.edge_support >= least;
   }
   if (held_locally) return all;
   std::swap(outline_, other_outline_);
   const OutlineAgreement local = by_local_colors(look, known_local);
-  const double rival = all.seen ? all.edge_support + kClearEdgeMargin : 0;
+  const double margin = in_color ? kClearEdgeMargin : 0;
+  const double rival = all.seen ? all.edge_support + margin : 0;
   if (local.seen && local.edge_support >= rival) return local;
   std::swap(outline_, other_outline_);
   return all;

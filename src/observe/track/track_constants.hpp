@@ -42,9 +42,10 @@ constexpr int kBlindFrames = 5;       // in a row that a camera misses what the 
 // Colors by stretch of the outline. Chosen on teabox, bench, sprayer and crate, started at the
 // truth, and on 3231 looks with the mesh of another object (docs/tracking.md).
 constexpr double kClearEvidence = 0.6;    // of the colors as a whole, that is enough alone
-constexpr double kMinEdgeSupport = 0.5;   // of an outline that was found by local colors
-constexpr double kMinLocalScore = 0.36;   // its edge support times its evidence
+constexpr double kMinEdgeSupport = 0.3;   // of an outline that was found by local colors
+constexpr double kMinLocalScore = 0.15;   // its edge support times its evidence
 constexpr double kClearEdgeMargin = 0.2;  // over what the colors as a whole found
+constexpr double kAfarEdgeSupport = 0.5;  // of one that those as a whole found from afar
 constexpr double kHeldEdgeSupport = 0.3;  // of what those found where they cannot be trusted alone
 constexpr double kAfarRadii = 0.3;        // of the object, that a prediction may be off
 constexpr int kMinCellPixels = 40;        // of either side, to say anything

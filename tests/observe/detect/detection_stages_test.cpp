@@ -502,6 +502,13 @@ TEST(SectorContrast, AsksEachStretchForItsOwnOutside) {
   const double global =
       outline_contrast(view, camera.model, camera_from_object, model.radius(), image, nullptr);
   EXPECT_GT(contrast(40), global + 0.1) << "all colors occur on both sides somewhere";
+  // Without color differences luma stands for them: what differs stands out more, what does not
+  // stays behind.
+  const double colored = contrast(20);
+  image.in_color = false;
+  EXPECT_GT(contrast(20), colored + 0.1);
+  EXPECT_GT(contrast(20), contrast(0) + 0.3);
+  EXPECT_LE(contrast(40), 1);
 }
 
 // A pose that so many cameras score by its outline.

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "observe/terms/image_colors.hpp"
+
 namespace sightline::observe {
 namespace {
 
@@ -25,22 +27,6 @@ void repeat_plane(const PlaneView& from, int width, const PixelBox& box, std::ve
 
 }  // namespace
 
-bool has_colors(const HalfSizeImage& image) {
-  constexpr int kStep = 8, kTint = 6;  // [pixels, levels] noise of compressed video is less
-  for (size_t plane = 1; plane < 3; ++plane) {
-    int least = 255, most = 0;
-    for (int y = 0; y < image.height; y += kStep) {
-      const uint8_t* row = image.row(plane, y);
-      for (int x = 0; x < image.width; x += kStep) {
-        least = std::min<int>(least, row[x]);
-        most = std::max<int>(most, row[x]);
-      }
-    }
-    if (most - least > kTint) return true;
-  }
-  return false;
-}
-
 bool HalfSizeFrame::can_store(const Frame& frame, const CameraModel& camera) {
   return frame.info().status != FrameStatus::kDamaged && frame.info().width == camera.width() &&
          frame.info().height == camera.height();
@@ -56,6 +42,7 @@ bool HalfSizeFrame::store(const Frame& frame, const CameraModel& camera, bool ke
   copy_plane(luma, image.planes[0]);
   copy_plane({full.u.data, luma.width, luma.height, full.u.stride}, image.planes[1]);
   copy_plane({full.v.data, luma.width, luma.height, full.v.stride}, image.planes[2]);
+  image.in_color = has_colors(image.view(1), image.view(2));
   if (keep_full_luma) copy_plane(frame.gray(), full_luma);
   valid = true;
   return true;
@@ -64,6 +51,7 @@ bool HalfSizeFrame::store(const Frame& frame, const CameraModel& camera, bool ke
 void HalfSizeFrame::magnify(HalfSizeImage& to, const PixelBox& box) const {
   to.width = info.width;
   to.height = info.height;
+  to.in_color = image.in_color;
   for (std::vector<uint8_t>& plane : to.planes) plane.resize(full_luma.size());
   for (int y = box.top; y < box.bottom; ++y) {
     const auto row = static_cast<ptrdiff_t>(y) * to.width;

@@ -22,15 +22,13 @@ struct PixelBox {
 struct HalfSizeImage {
   int width = 0, height = 0;
   std::array<std::vector<uint8_t>, 3> planes;  ///< Y, U, V; tightly packed
+  bool in_color = true;                        ///< else grays of one tint
 
   const uint8_t* row(size_t plane, int y) const {
     return planes[plane].data() + static_cast<size_t>(y) * static_cast<size_t>(width);
   }
   PlaneView view(size_t plane) const { return {planes[plane].data(), width, height, width}; }
 };
-
-/// Whether it shows more than grays of one tint.
-bool has_colors(const HalfSizeImage& image);
 
 /// A camera's newest frame at half size: a copy, so that the frame's buffer can go back.
 struct HalfSizeFrame {

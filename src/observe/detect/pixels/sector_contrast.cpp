@@ -27,7 +27,8 @@ class SideColors {
   }
   int total() const { return total_; }
 
-  double difference(const SideColors& other) const {
+  // A gray image has one channel of three, and would never reach what is asked of colored ones.
+  double difference(const SideColors& other, bool in_color) const {
     double common = 1;
     for (size_t plane = 0; plane < 3; ++plane) {
       double sum = 0;
@@ -36,7 +37,7 @@ class SideColors {
       }
       common *= sum / std::sqrt(static_cast<double>(total_) * static_cast<double>(other.total_));
     }
-    return 1 - common;
+    return 1 - (in_color ? common : std::pow(common, kGrayExponent));
   }
 
  private:
@@ -59,7 +60,7 @@ double sector_contrast(const View& view, const CameraModel& camera,
         [&](const Eigen::Vector2d& place) { inside.add(image, place); },
         [&](const Eigen::Vector2d& place) { outside.add(image, place); });
     if (inside.total() < kMinSectorPixels || outside.total() < kMinSectorPixels) continue;
-    sum += inside.difference(outside);
+    sum += inside.difference(outside, image.in_color);
   }
   return sum / static_cast<double>(kSectors);
 }
