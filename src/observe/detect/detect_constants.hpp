@@ -130,7 +130,7 @@ constexpr double kTakenOverlap = 0.4;
 // Of what several searches in a row have to find.
 constexpr double kMinWeakScore = 0.5, kMaxWeakRival = 0.85;
 // And where several cameras show nothing like it elsewhere, whatever the colors are.
-constexpr double kMinScoreAlone = 0.45, kMaxRivalOfAlone = 0.3;
+constexpr double kMinGrayScore = 0.6, kMinScoreAlone = 0.45, kMaxRivalOfAlone = 0.4;
 // A score so much more than the best rival's is believed at once, where the mesh has no colors; if
 // it has, the score has to be so high, and they have to agree: of single searches of eleven
 // recordings below that 5 of 14 were a part of the object or another one, above none of 90. Else

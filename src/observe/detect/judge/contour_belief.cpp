@@ -75,7 +75,7 @@ void ContourBelief::decide(const DetectorFrames& frames, const std::vector<Conto
   judge_.decide_by_contour(
       frames, contours, told_by_little ? kClearContourScore : kMinWeakScore,
       agreement < kNoColorsAgree ? kMaxContourRivalWithoutColors : kMaxWeakRival, found);
-  if (found.poses.empty() && rivals && !frames.show_colors()) decide_alone(frames, contours, found);
+  if (found.poses.empty() && !frames.show_colors()) decide_alone(frames, contours, found);
 }
 
 void ContourBelief::decide_moving(const DetectorFrames& frames,
@@ -103,7 +103,7 @@ bool ContourBelief::moved_as_one(const DetectorFrames& frames,
 // Without colors every score is low, of clutter too.
 void ContourBelief::decide_alone(const DetectorFrames& frames,
                                  const std::vector<ContourPose>& contours, Detection& found) const {
-  judge_.decide_by_contour(frames, contours, kMinScoreAlone, kMaxRivalOfAlone, found);
+  judge_.decide_by_contour(frames, contours, kMinGrayScore, kMaxRivalOfAlone, found);
   if (!found.poses.empty() && found.poses.front().cameras >= 2) return;
   found.poses.clear();
   found.observations.clear();
