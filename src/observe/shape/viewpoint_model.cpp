@@ -18,7 +18,6 @@ namespace sightline {
 
 using observe::look_at_center;
 using observe::make_view_sphere;
-using observe::ViewSampler;
 using observe::ViewSphere;
 
 namespace {

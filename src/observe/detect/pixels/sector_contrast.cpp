@@ -21,7 +21,7 @@ class SideColors {
       // Most colors are dull: half the range of chroma is as good as all of it.
       const int value = image.row(plane, at->y)[at->x];
       const int level = plane == 0 ? value : std::clamp(2 * (value - 128) + 128, 0, 255);
-      ++counts_[plane][static_cast<size_t>(level * kSectorBins / 256)];
+      ++counts_[plane][static_cast<size_t>(level) * kSectorBins / 256];
     }
     ++total_;
   }
