@@ -100,7 +100,7 @@ bool ContourBelief::moved_as_one(const DetectorFrames& frames,
   return true;
 }
 
-// Without colors every score is low, of clutter too.
+// In images without colors, whatever those of the mesh say.
 void ContourBelief::decide_alone(const DetectorFrames& frames,
                                  const std::vector<ContourPose>& contours, Detection& found) const {
   judge_.decide_by_contour(frames, contours, kMinGrayScore, kMaxRivalOfAlone, found);
