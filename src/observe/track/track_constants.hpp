@@ -39,8 +39,8 @@ constexpr double kInitialRate = 0.3;  // per frame, from where it was found unti
 constexpr int kBlindFrames = 5;       // in a row that a camera misses what the others see, after
                                       // which its colors count as no longer true
 
-// Colors by stretch of the outline. Chosen on teabox, bench, sprayer and crate, started at the
-// truth, and on 3231 looks with the mesh of another object (docs/tracking.md).
+// Colors by stretch of the outline. Chosen on recordings started at the truth, 19 in color and 13
+// turned gray (docs/tracking.md).
 constexpr double kClearEvidence = 0.6;    // of the colors as a whole, that is enough alone
 constexpr double kMinEdgeSupport = 0.3;   // of an outline that was found by local colors
 constexpr double kMinLocalScore = 0.15;   // its edge support times its evidence
