@@ -29,7 +29,7 @@ struct Counts {
   std::map<std::string, int> by_address;
 };
 
-Counts count(std::span<const Occupant> occupants, const Peer& newcomer) {
+Counts count(std::span<const Occupant> occupants, const RemoteHost& newcomer) {
   Counts counts;
   for (const Occupant& occupant : occupants) {
     if (occupant.leaving) {
@@ -43,20 +43,20 @@ Counts count(std::span<const Occupant> occupants, const Peer& newcomer) {
   return counts;
 }
 
-int limit_of_address(const Peer& newcomer, const ConnectionLimits& limits) {
+int limit_of_address(const RemoteHost& newcomer, const ConnectionLimits& limits) {
   if (limits.per_address > 0) return limits.per_address;
   return newcomer.loopback ? limits.total : std::max(1, limits.total * 3 / 4);
 }
 
 }  // namespace
 
-std::optional<Peer> peer_of(GSocket* socket) {
+std::optional<RemoteHost> peer_of(GSocket* socket) {
   const GObjectPtr<GSocketAddress> remote(g_socket_get_remote_address(socket, nullptr));
   if (!remote || !G_IS_INET_SOCKET_ADDRESS(remote.get())) return std::nullopt;
   auto* inet = G_INET_SOCKET_ADDRESS(remote.get());
   GInetAddress* address = g_inet_socket_address_get_address(inet);
   const GStringPtr text(g_inet_address_to_string(address));
-  Peer peer;
+  RemoteHost peer;
   peer.address = text.get();
   peer.counted_as = counted_address(address, peer.address);
   peer.port = g_inet_socket_address_get_port(inet);
@@ -64,7 +64,7 @@ std::optional<Peer> peer_of(GSocket* socket) {
   return peer;
 }
 
-Admission admit(std::span<const Occupant> occupants, const Peer& newcomer,
+Admission admit(std::span<const Occupant> occupants, const RemoteHost& newcomer,
                 const ConnectionLimits& limits) {
   const Counts counts = count(occupants, newcomer);
   if (counts.leaving > limits.total) return {};
@@ -89,7 +89,7 @@ void RtspConnections::end(Connection& connection) {
   shutdown(connection.socket.get(), SHUT_RDWR);
 }
 
-bool RtspConnections::make_room(const Peer& newcomer) {
+bool RtspConnections::make_room(const RemoteHost& newcomer) {
   std::lock_guard lock(mutex_);
   std::vector<Occupant> occupants;
   std::vector<Connection*> by_index;
@@ -117,7 +117,7 @@ void RtspConnections::answered(const void* client) {
   if (found != connections_.end() && found->second.input) found->second.input->guard.answered();
 }
 
-bool RtspConnections::guessed_too_often(const Peer& newcomer, Time now) {
+bool RtspConnections::guessed_too_often(const RemoteHost& newcomer, Time now) {
   std::lock_guard lock(mutex_);
   return guesses_.exhausted(newcomer.counted_as, now);
 }

@@ -20,14 +20,14 @@ namespace sightline::stream {
 
 /// Who is at the other end. Connections of one /64 of IPv6 count as one address: a host has a whole
 /// one to itself.
-struct Peer {
+struct RemoteHost {
   std::string address;  ///< numeric
   std::string counted_as;
   uint16_t port = 0;
   bool loopback = false;
 };
 /// Of a connected socket; nothing if it has gone already.
-std::optional<Peer> peer_of(GSocket* socket);
+std::optional<RemoteHost> peer_of(GSocket* socket);
 
 struct ConnectionLimits {
   int total = 32;
@@ -50,7 +50,7 @@ struct Admission {
 /// Idle connections give way: those of the newcomer's address where that has all it may have, else
 /// those of the address that has the most; the oldest first. Refuses where none is idle, and while
 /// more than `total` are leaving (each keeps a thread until it has left).
-Admission admit(std::span<const Occupant> occupants, const Peer& newcomer,
+Admission admit(std::span<const Occupant> occupants, const RemoteHost& newcomer,
                 const ConnectionLimits& limits);
 
 /// The connections of a server, by the library's client object. Connections end by shutting their
@@ -61,7 +61,7 @@ Admission admit(std::span<const Occupant> occupants, const Peer& newcomer,
 class RtspConnections {
  public:
   struct Connection {
-    Peer peer;
+    RemoteHost peer;
     std::shared_ptr<GuardedInput> input;
     /// Of the same connection as the library's, so that it can be shut down whatever the library
     /// has closed meanwhile.
@@ -76,13 +76,13 @@ class RtspConnections {
       : limits_(limits), has_session_(has_session) {}
 
   /// False if there is no room; else an idle connection may have been ended to make it.
-  bool make_room(const Peer& newcomer);
+  bool make_room(const RemoteHost& newcomer);
   /// This client brought a wrong password. After as many as an address may try its connection ends,
   /// and no other from there has room for a minute; those that play go on.
   void wrong_password(const void* client, Time now);
   /// An answer goes out to this client.
   void answered(const void* client);
-  bool guessed_too_often(const Peer& newcomer, Time now);
+  bool guessed_too_often(const RemoteHost& newcomer, Time now);
   void add(const void* client, Connection connection);
   /// Closes what speaks TLS: the library only lets go of it, and a handshake that failed holds on
   /// to its connection until somebody asks how it went.
@@ -105,7 +105,7 @@ class RtspConnections {
   const HasSession has_session_;
   mutable std::mutex mutex_;
   std::map<const void*, Connection> connections_;
-  GuessLimit<std::string> guesses_;  // by Peer::counted_as
+  GuessLimit<std::string> guesses_;  // by RemoteHost::counted_as
 };
 
 /// Lines of the log that strangers can cause: one in ten seconds, with the number of those left

@@ -219,7 +219,7 @@ struct RtspServer::Impl {
   Status listen();
   void take_address();
   void accept_one();
-  void hand_over(GObjectPtr<GSocket> accepted, const Peer& peer);
+  void hand_over(GObjectPtr<GSocket> accepted, const RemoteHost& peer);
   void drop_everybody();
 };
 
@@ -293,7 +293,7 @@ void RtspServer::Impl::accept_one() {
     g_usleep(50'000);  // out of descriptors, most likely: it would come again at once
     return;
   }
-  const std::optional<Peer> peer = peer_of(accepted.get());
+  const std::optional<RemoteHost> peer = peer_of(accepted.get());
   if (!peer) return;
   if (state->connections.guessed_too_often(*peer, now)) {
     state->refusals.warn(fmt::format("rtsp: a client at {} is refused for a minute: too many wrong "
@@ -313,7 +313,7 @@ void RtspServer::Impl::accept_one() {
       now);
 }
 
-void RtspServer::Impl::hand_over(GObjectPtr<GSocket> accepted, const Peer& peer) {
+void RtspServer::Impl::hand_over(GObjectPtr<GSocket> accepted, const RemoteHost& peer) {
   const int fd = g_socket_get_fd(accepted.get());
   bound_peer(fd);
   RtspConnections::Connection& arriving = state->arriving;

@@ -161,6 +161,33 @@ def private_namespaces(root):
             yield f"{name}: not in namespace sightline::{room}"
 
 
+NAMESPACE = re.compile(r"^namespace ?([\w:]*) ?\{|^\}  // namespace")
+TYPE = re.compile(r"^(?:struct|class|enum class|enum|union) (\w+)(?: final)?(?: : [^;]*)?\s*\{")
+
+
+def types(root, name):
+    """(line, qualified name) of every type that other sources of the program could mean as well."""
+    inside = []
+    for number, line in enumerate(lines(root, name), 1):
+        namespace = NAMESPACE.match(line)
+        if namespace and line.startswith("}"):
+            del inside[-1:]
+        elif namespace:
+            inside.append(namespace.group(1))
+        elif (found := TYPE.match(line)) and "" not in inside:
+            yield number, "::".join([*inside, found.group(1)])
+
+
+def one_definition(root):
+    """A name of a type means one type in the whole program: no linker complains if two of them differ."""
+    first = {}
+    for name in tracked(root):
+        if name.startswith(("include/", "src/", "daemon/", "cli/")) and name.endswith(SOURCE):
+            for number, qualified in types(root, name):
+                if first.setdefault(qualified, name) != name:
+                    yield f"{name}:{number}: {qualified} is defined in {first[qualified]}, too"
+
+
 def program_sources(root):
     """No test and no bench compiles the sources of a program."""
     for name in tracked(root):
@@ -262,7 +289,7 @@ def format(root):
                            if "error: code should be clang-formatted" in line})
 
 
-CHECKS = {f.__name__: f for f in (arrows, subroom_arrows, private_headers, private_namespaces, program_sources,
+CHECKS = {f.__name__: f for f in (arrows, subroom_arrows, private_headers, private_namespaces, one_definition, program_sources,
                                   folders, lengths, spelling, license, vendor_headers, line_length, paths,
                                   format)}
 

@@ -10,6 +10,9 @@ import cpp_text  # noqa: E402
 import house  # noqa: E402
 
 SPDX = "// SPDX-License-Identifier: Apache-2.0\n"
+PLACE = "namespace sightline::fuse {\nstruct Place {\n  int x;\n};\nstruct Seen;\n}  // namespace sightline::fuse\n"
+UNNAMED = "namespace sightline::fuse {\nnamespace {\nstruct Place {\n  int x;\n};\n}  // namespace\n}  // namespace sightline::fuse\n"
+# (check, file, its text, findings); or files with their texts.
 CASES = [
     ("arrows", "src/fuse/a.cpp", '#include "sightline/render/raster.hpp"\n', 1),
     ("arrows", "src/base/a.cpp", '#include "sightline/geometry/rigid3.hpp"\n', 1),
@@ -40,6 +43,10 @@ CASES = [
     ("private_namespaces", "src/fuse/a.hpp", "namespace sightline {\n}\n", 1),
     ("private_namespaces", "src/fuse/a.hpp", "namespace sightline::render {\n}\n", 1),
     ("private_namespaces", "src/fuse/a.hpp", "namespace sightline::fuse::kernels {\n}\n", 0),
+    ("one_definition", {"src/fuse/a.hpp": PLACE, "src/fuse/b.hpp": PLACE}, None, 1),
+    ("one_definition", {"src/fuse/a.cpp": PLACE, "daemon/b.hpp": PLACE.replace("struct", "class")}, None, 1),
+    ("one_definition", {"src/fuse/a.hpp": PLACE, "src/fuse/b.hpp": PLACE.replace("fuse", "render")}, None, 0),
+    ("one_definition", {"src/fuse/a.cpp": PLACE, "src/fuse/b.cpp": UNNAMED, "src/fuse/c.cpp": UNNAMED}, None, 0),
     ("program_sources", "tests/fuse/CMakeLists.txt", "add_executable(a ../../daemon/daemon.cpp)\n", 1),
     ("program_sources", "bench/CMakeLists.txt", "SOURCES ${PROJECT_SOURCE_DIR}/cli/report.cpp\n", 1),
     ("program_sources", "tests/daemon/CMakeLists.txt", "SOURCES daemon_test.cpp\n", 0),
@@ -111,9 +118,10 @@ def check_folders():
 failed = check_functions() + check_folders()
 for check, name, content, expected in CASES:
     with tempfile.TemporaryDirectory() as root:
-        os.makedirs(os.path.join(root, os.path.dirname(name)))
-        with open(os.path.join(root, name), "w", encoding="utf-8") as file:
-            file.write(content)
+        for path, text in (name if isinstance(name, dict) else {name: content}).items():
+            os.makedirs(os.path.join(root, os.path.dirname(path)), exist_ok=True)
+            with open(os.path.join(root, path), "w", encoding="utf-8") as file:
+                file.write(text)
         found = len(list(house.CHECKS[check](root)))
         if (found > 0) != (expected > 0):
             print(f"{check} on {name}: {found} findings, expected {expected}")

@@ -10,7 +10,7 @@ namespace {
 
 using std::chrono::seconds;
 
-Peer peer(const std::string& address) {
+RemoteHost peer(const std::string& address) {
   return {address, address, 1000, address.starts_with("127.")};
 }
 Occupant occupant(const std::string& address, int since_s, bool idle, bool leaving = false) {

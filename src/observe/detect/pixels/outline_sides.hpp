@@ -10,16 +10,16 @@
 
 namespace sightline::observe {
 
-struct ImagePlace {
+struct PixelPlace {
   int x = 0, y = 0;
 };
 
 /// The pixel that a place is in; empty out of the image.
-inline std::optional<ImagePlace> pixel_of(const Eigen::Vector2d& place, int width, int height) {
+inline std::optional<PixelPlace> pixel_of(const Eigen::Vector2d& place, int width, int height) {
   const int x = static_cast<int>(std::floor(place.x() + 0.5));
   const int y = static_cast<int>(std::floor(place.y() + 0.5));
   if (x < 0 || y < 0 || x >= width || y >= height) return std::nullopt;
-  return ImagePlace{x, y};
+  return PixelPlace{x, y};
 }
 
 /// Visits the places [half-size px] on both sides of a stretch of an outline: 2 to 1 + `reach`
