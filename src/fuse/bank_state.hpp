@@ -71,7 +71,7 @@ struct CameraRecord {
   double systematic = 1.0;  ///< learned: see CameraMeasurement::systematic
   double unproven = 1.0;    ///< share of the largest systematic variance that it may still have
   InformationInnovation mean_innovation;  ///< fading mean, see innovation_bias.hpp
-  double innovation_power = 0;            ///< fading mean of its squared norm
+  double innovation_power = 0;            ///< fading mean of their squares [the camera's sigmas]
   double innovations = 0;                 ///< frames in both, up to their memory
   FadingShare picture;  ///< share of the silhouette that is not explained, or missing
   FadingShare absence;  ///< of the looks that do not see the object where it has to be seen

@@ -141,7 +141,7 @@ bool record_observations(Time time, std::span<const Observation> set, const Outc
     state.known |= bit;
     if (!record.seen) continue;
     if (options.learn_systematic)
-      add_innovation(best->innovations[camera_slot(observation.camera)], options, record);
+      add_innovation(best->innovations[camera_slot(observation.camera)], record);
     const double cost = best->normalized_cost[camera_slot(observation.camera)];
     record.scale += kScaleSmoothing * (cost - record.scale);
     state.residual += cost / std::popcount(accepted);

@@ -132,15 +132,21 @@ void publish(Time time, DegradedReasons outside, const EstimatorOptions& options
   if (state.count > 0) {
     out = state.hypotheses[0].estimate;
     state.found_before = true;
-    const int holding = std::max(1, std::popcount(holding_cameras(time, options, state)));
+    const CameraSet cameras = holding_cameras(time, options, state);
+    const int holding = std::max(1, std::popcount(cameras));
     const Matrix6& systematic = state.hypotheses[0].systematic_information;
     keep_systematic(systematic, Matrix6::Zero(), out);
     // Beside the covariance: observers place their lines by that, next to where the filter is.
     PoseEstimate wide = out;
-    keep_systematic(systematic, state.bias_share / holding * systematic_covariance(options), wide);
-    const Matrix6 steady = wide.own_covariance() - out.own_covariance();
+    Matrix6 steady = state.bias_share / holding * systematic_covariance(options);
+    if (std::popcount(cameras) == 1 && state.outline_only) {
+      const CameraRecord& alone = state.cameras[static_cast<size_t>(std::countr_zero(cameras))];
+      steady += persistent_covariance(alone, out.world_from_object);
+    }
+    keep_systematic(systematic, steady, wide);
+    const Matrix6 added = wide.own_covariance() - out.own_covariance();
     add_spread(state, out);
-    out.alternatives = symmetric.spread(state.hypotheses[0]) + steady;
+    out.alternatives = symmetric.spread(state.hypotheses[0]) + added;
   } else {
     out.cameras = 0;
   }

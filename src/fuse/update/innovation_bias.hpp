@@ -21,12 +21,16 @@ Matrix6 systematic_covariance(const EstimatorOptions& options);
 InformationInnovation innovation_of(const PoseMinimum& minimum, size_t index);
 
 /// Adds the innovation of a frame to the camera's means.
-void add_innovation(const InformationInnovation& innovation, const EstimatorOptions& options,
-                    CameraRecord& record);
+void add_innovation(const InformationInnovation& innovation, CameraRecord& record);
 
-/// Share of systematic_covariance() that the differences between these cameras' mean innovations
-/// need, beyond what the means of white innovations of their size are expected to be;
+/// Share of systematic_covariance() by which these cameras differ in every frame, as their mean
+/// innovations tell (maximum likelihood, beside what is left of a mean of white ones);
 /// `state.bias_share` while fewer than two have enough frames.
 double bias_share(CameraSet cameras, const EstimatorOptions& options, const BankState& state);
+
+/// What an outline in one camera alone errs by over many frames, which nobody contradicts: a
+/// multiple of what its frames claim [rad^2, m^2, tangent at `world_from_object`]; zero while it
+/// has too few frames.
+Matrix6 persistent_covariance(const CameraRecord& record, const Rigid3& world_from_object);
 
 }  // namespace sightline::fuse
