@@ -48,6 +48,8 @@ Status check(const EstimatorOptions& o) {
   SL_RETURN_IF_ERROR(
       require(positive(o.max_sigma_translation_alone), "max_sigma_translation_alone", "positive"));
   SL_RETURN_IF_ERROR(require(positive(o.max_sigma_rotation), "max_sigma_rotation", "positive"));
+  SL_RETURN_IF_ERROR(
+      require(positive(o.max_sigma_rotation_alone), "max_sigma_rotation_alone", "positive"));
   SL_RETURN_IF_ERROR(require(o.confirm_sets >= 1, "confirm_sets", "1 or more"));
   SL_RETURN_IF_ERROR(require(o.reset_sets >= 1, "reset_sets", "1 or more"));
   SL_RETURN_IF_ERROR(

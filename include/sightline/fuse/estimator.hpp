@@ -39,7 +39,10 @@ struct EstimatorOptions {
   double max_sigma_translation = 0.010;  ///< [m] weakest direction for `tracking`
   /// The same when one camera alone holds the object: nobody contradicts a wrong minimum there.
   double max_sigma_translation_alone = 0.005;
-  double max_sigma_rotation = 0.0436;   ///< [rad] (2.5 deg) weakest direction for `tracking`
+  double max_sigma_rotation = 0.0436;  ///< [rad] (2.5 deg) weakest direction for `tracking`
+  /// The same (1.25 deg) when outline and edges in one camera alone hold the object: a tilt changes
+  /// its outline little, and one that is lost leaves it well explained.
+  double max_sigma_rotation_alone = 0.0218;
   bool one_camera_is_degraded = false;  ///< else one camera is judged by its covariance
   int confirm_sets = 2;                 ///< consistent sets of one camera before `tracking`
   int reset_sets = 3;                   ///< consistent contradicting sets before a reset

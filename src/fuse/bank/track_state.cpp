@@ -34,6 +34,10 @@ DegradedReasons degraded_reasons_of(int holding, DegradedReasons outside,
   const double limit =
       alone ? std::min(options.max_sigma_translation, options.max_sigma_translation_alone)
             : options.max_sigma_translation;
+  const double rotation_limit =
+      alone && state.outline_only
+          ? std::min(options.max_sigma_rotation, options.max_sigma_rotation_alone)
+          : options.max_sigma_rotation;
   DegradedReasons degraded_reasons = outside;
   const auto add = [&](bool holds, DegradedReason reason) {
     if (holds) degraded_reasons = static_cast<DegradedReasons>(degraded_reasons | reason);
@@ -42,8 +46,7 @@ DegradedReasons degraded_reasons_of(int holding, DegradedReasons outside,
   add(state.count > 1, kSeveralPoses);
   add(symmetric.ambiguous(main), kAmbiguous);
   add(state.published.own_sigma_translation() > limit, kWeakPosition);
-  add(largest_sigma(symmetric.known_rotation(covariance.topLeftCorner<3, 3>())) >
-          options.max_sigma_rotation,
+  add(largest_sigma(symmetric.known_rotation(covariance.topLeftCorner<3, 3>())) > rotation_limit,
       kWeakRotation);
   add(alone && (options.one_camera_is_degraded || (degraded_reasons & kWeakPosition) != 0),
       kOneCamera);
