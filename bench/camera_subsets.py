@@ -8,7 +8,7 @@ Replays every recording with each choice of N of its cameras (one, unless told) 
 region,edge,texture` and compares it with truth.csv or keyframes.csv, at times at which one of these cameras has a frame
 that shows a fifth of the object's area or more (by visibility.csv, where there is one). Prints per object the share of
 judged rows within 5 cm + 5 deg up to declared and shape's symmetries, rows `tracking`, wrong claims, median error and
-time of the first pose. Exits 2 for bad input."""
+time of the first pose; then the mean share and the sum of wrong claims. Exits 2 for bad input."""
 import concurrent.futures
 import dataclasses
 import itertools
@@ -66,10 +66,11 @@ def write_truth(recording, cameras, folder):
 
 
 def judge(options, recording, cameras):
+    """(line, share within [%] or None, wrong claims) of every object."""
     with tempfile.TemporaryDirectory(prefix="sightline_cameras.") as folder:
         truth = write_truth(recording, cameras, folder)
         if truth is None:
-            return [f"{recording.name:10} {'+'.join(cameras):16} never visible"]
+            return [(f"{recording.name:10} {'+'.join(cameras):16} never visible", None, 0)]
         poses = pathlib.Path(folder, "poses.csv")
         rows = replay(options, recording, poses, write_config(recording, cameras, folder))
         lines = []
@@ -79,10 +80,11 @@ def judge(options, recording, cameras):
             found = [int(row["t_ns"]) for row in own if row["state"] in ("tracking", "degraded")]
             first = f"@{(min(found) - recording.start_ns) * 1e-9:.2f}" if found else "never"
             tracking = sum(row["state"] == "tracking" for row in own)
-            lines.append(f"{recording.name:10} {'+'.join(cameras):16} {name:9} "
-                         f"within {100 * best['within'] / max(1, e['judged']):5.1f} % of {e['judged']:4}, tracking "
-                         f"{tracking:4} of {len(own):4}, wrong {e['wrong_claims']:4}, "
-                         f"{best['errors']['median_mm']:6.1f} mm {first}")
+            share = 100 * best["within"] / max(1, e["judged"])
+            line = (f"{recording.name:10} {'+'.join(cameras):16} {name:9} within {share:5.1f} % of {e['judged']:4}, "
+                    f"tracking {tracking:4} of {len(own):4}, wrong {e['wrong_claims']:4}, "
+                    f"{best['errors']['median_mm']:6.1f} mm {first}")
+            lines.append((line, share, e["wrong_claims"]))
         return lines
 
 
@@ -95,8 +97,12 @@ def main():
     tasks = [(recording, cameras) for recording in options.recordings
              for cameras in itertools.combinations(recording.cameras, options.cameras)]
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
+        shares, wrong = [], 0
         for lines in pool.map(lambda task: judge(options, *task), tasks):
-            print("\n".join(lines), flush=True)
+            print("\n".join(line for line, _, _ in lines), flush=True)
+            shares += [share for _, share, _ in lines if share is not None]
+            wrong += sum(claims for _, _, claims in lines)
+    print(f"mean {sum(shares) / max(1, len(shares)):.1f} %, {wrong} wrong claims")
     return 0
 
 

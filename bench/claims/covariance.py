@@ -12,13 +12,14 @@ wide, ">" too narrow. --one-camera: each of a recording's cameras alone. --synth
 4 cameras. Exits 2 for bad input."""
 import os
 import pathlib
+import re
+import shutil
 import subprocess
 import sys
 import tempfile
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
-from one_camera import alone  # noqa: E402
-from recording_tools import recording_parser  # noqa: E402
+from recording_tools import read_csv, recording_parser, write_csv  # noqa: E402
 
 HEADER = ("| recording | object | cameras | estimates | independent | rx | ry | rz | tx | ty | tz | rotation | position "
           "| pose |")
@@ -33,10 +34,31 @@ def row(options, name, folder):
     print(f"| {name} {lines[0]}" if lines else f"| {name} | never `tracking` |" + " |" * 12, flush=True)
 
 
+def keep_camera(path, camera):
+    """Drops the [[camera]] tables of all others."""
+    head, *tables = re.split(r"^(?=\[\[?\w+\]?\])", path.read_text(encoding="utf-8"), flags=re.M)
+    own = re.compile(rf'^name *= *"{re.escape(camera)}"', re.M)
+    kept = [table for table in tables if not table.startswith("[[camera]]") or own.search(table)]
+    path.write_text(head + "".join(kept), encoding="utf-8")
+
+
+def alone(recording, camera, folder):
+    """A copy of the recording that has this camera alone: track_recording takes no configuration."""
+    copy = pathlib.Path(folder) / f"{recording.name}-{camera}"
+    others = {video for name, video in recording.videos.items() if name != camera}
+    shutil.copytree(recording.folder, copy, ignore=lambda _, names: others.intersection(names))
+    keep_camera(copy / "recording.toml", camera)
+    keep_camera(copy / "calibration.toml", camera)
+    for table in filter(pathlib.Path.exists, (copy / "frames.csv", copy / "visibility.csv")):
+        rows = read_csv(table)
+        write_csv(table, rows[0].keys(), [row for row in rows if row["camera"] == camera])
+    return copy
+
+
 def each_camera(options, recording):
     for camera in recording.cameras:
         with tempfile.TemporaryDirectory(prefix="sightline_covariance.") as folder:
-            row(options, f"{recording.name}, {camera}", alone(recording, camera, folder).folder)
+            row(options, f"{recording.name}, {camera}", alone(recording, camera, folder))
 
 
 def synthetic(options):

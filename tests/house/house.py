@@ -289,9 +289,9 @@ def format(root):
                            if "error: code should be clang-formatted" in line})
 
 
-CHECKS = {f.__name__: f for f in (arrows, subroom_arrows, private_headers, private_namespaces, one_definition, program_sources,
-                                  folders, lengths, spelling, license, vendor_headers, line_length, paths,
-                                  format)}
+CHECKS = {f.__name__: f for f in (arrows, subroom_arrows, private_headers, private_namespaces, one_definition,
+                                  program_sources, folders, lengths, spelling, license, vendor_headers, line_length,
+                                  paths, format)}
 
 
 def main():

@@ -138,11 +138,9 @@ double bias_share(CameraSet cameras, const EstimatorOptions& options, const Bank
 
 Matrix6 persistent_covariance(const CameraRecord& record, const Rigid3& world_from_object) {
   if (record.innovations < kMinCount) return Matrix6::Zero();
-  Matrix6 to_object = Matrix6::Zero();
-  to_object.topLeftCorner<3, 3>() = world_from_object.rotation_matrix().transpose();
-  to_object.bottomRightCorner<3, 3>() = to_object.topLeftCorner<3, 3>();
-  const Matrix6 information = to_object * bounded(record.mean_innovation) * to_object.transpose();
-  return kPersistent * information.ldlt().solve(Matrix6::Identity());
+  const Matrix6 covariance = bounded(record.mean_innovation).ldlt().solve(Matrix6::Identity());
+  const Rigid3 to_object{world_from_object.rotation.inverse(), Eigen::Vector3d::Zero()};
+  return kPersistent * to_object.covariance_in_target(covariance);
 }
 
 }  // namespace sightline::fuse
