@@ -141,7 +141,7 @@ ContourPose ContourSearch::scored(const DetectorFrames& frames, PoseFit fit,
       continue;
     const View view = model.view(model.nearest(camera_from_object));
     const double contrast =
-        sector_contrast(view, lens, camera_from_object, model.radius(), *camera.image, sample_step);
+        sector_contrast(view, lens, camera_from_object, *camera.image, sample_step);
     const double share = out.fit.cameras[i].share();
     out.cameras.back() = share * contrast;
     // By how many lines agree first: clutter gives contrast, too, but seldom edges all around.
@@ -260,7 +260,7 @@ std::vector<JointPose> ContourSearch::screened(const DetectorFrames& frames,
   });
   sort_by_score(poses);
   note(trace, "screened", poses);
-  keep_best(poses, kMaxContourFits);
+  keep_best(poses, frames.size() == 1 ? kMaxContourFitsOfOne : kMaxContourFits);
   return poses;
 }
 

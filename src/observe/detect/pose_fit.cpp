@@ -43,16 +43,14 @@ const FitCamera& PoseFitter::look(const FitCamera& camera, const Rigid3& world_f
 /// Where the object is before one camera, and how its lines are looked for.
 struct PoseFitter::Placement {
   const FitCamera& camera;
-  Rigid3 camera_from_object;
-  Eigen::Matrix3d rotation;
+  Eigen::Isometry3d camera_from_object;
   double reach, sigma;  ///< [half-size px]
 };
 
 void PoseFitter::add_line(const Placement& at, const Eigen::Vector3d& point,
                           const Eigen::Vector3d& normal, bool outline, CameraFit& out) const {
   const FitCamera& camera = at.camera;
-  const auto sample = project_sample(camera.camera->model, at.camera_from_object, point, normal,
-                                     0.01 * model_.radius());
+  const auto sample = project_sample(camera.camera->model, at.camera_from_object, point, normal);
   if (!sample || sample->pixel.x() < 1 || sample->pixel.y() < 1 ||
       sample->pixel.x() > camera.edges->width() - 2 ||
       sample->pixel.y() > camera.edges->height() - 2)
@@ -69,10 +67,12 @@ void PoseFitter::add_line(const Placement& at, const Eigen::Vector3d& point,
   if (!distance) return;
   const double near = camera.is_magnified ? kMagnifiedAgreementPx : kAgreementPx;
   if (is_edge && std::abs(*distance) <= near) ++out.agreeing;
-  Eigen::Matrix<double, 3, 6> by_tangent;
-  by_tangent << -at.rotation * skew(point), at.rotation;
-  const Vector6 slope =
-      -(sample->normal.transpose() * sample->jacobian * by_tangent).transpose() / at.sigma;
+  // By the tangent of Rigid3: n^T J (-R [p]x, R) = ((p x g)^T, g^T) with g = R^T J^T n.
+  const Eigen::Vector3d by_point =
+      at.camera_from_object.linear().transpose() * (sample->jacobian.transpose() * sample->normal);
+  Vector6 slope;
+  slope << point.cross(by_point), by_point;
+  slope /= -at.sigma;
   const HuberLoss loss(kFitHuber);
   const double residual = *distance / at.sigma;
   const double weight = loss.weight(std::abs(residual));
@@ -85,8 +85,8 @@ void PoseFitter::add_line(const Placement& at, const Eigen::Vector3d& point,
 CameraFit PoseFitter::fit_lines(const FitCamera& camera, const Rigid3& world_from_object,
                                 double reach, double sigma, size_t sample_step) const {
   const Rigid3 camera_from_object = camera.camera_from_world * world_from_object;
-  const Placement at{camera, camera_from_object, camera_from_object.rotation_matrix(), reach,
-                     sigma};
+  const Placement at{camera, Eigen::Isometry3d(camera_from_object.matrix()), reach, sigma};
+  const Eigen::Matrix3d rotation = at.camera_from_object.linear();
   const View view = model_.view(model_.nearest(camera_from_object));
   CameraFit out;
   for (size_t i = 0; i < view.contour.size(); i += sample_step) {
@@ -95,10 +95,10 @@ CameraFit PoseFitter::fit_lines(const FitCamera& camera, const Rigid3& world_fro
   }
   for (size_t i = 0; i < view.edges.size(); i += sample_step) {
     // Across the tangent, in the image plane.
-    const Eigen::Vector3d along = at.rotation * view.edges[i].tangent.cast<double>();
+    const Eigen::Vector3d along = rotation * view.edges[i].tangent.cast<double>();
     const Eigen::Vector3d across(-along.y(), along.x(), 0);
     if (across.norm() < 0.2) continue;
-    add_line(at, view.edges[i].point.cast<double>(), at.rotation.transpose() * across.normalized(),
+    add_line(at, view.edges[i].point.cast<double>(), rotation.transpose() * across.normalized(),
              false, out);
   }
   out.term.quality = out.share();
@@ -109,7 +109,7 @@ CameraFit PoseFitter::fit_lines(const FitCamera& camera, const Rigid3& world_fro
 double PoseFitter::contrast(const FitCamera& camera, const Rigid3& world_from_object) const {
   const Rigid3 camera_from_object = camera.camera_from_world * world_from_object;
   return outline_contrast(model_.view(model_.nearest(camera_from_object)), camera.camera->model,
-                          camera_from_object, model_.radius(), *camera.image, camera.foreground);
+                          camera_from_object, *camera.image, camera.foreground);
 }
 
 PoseFit PoseFitter::fit(std::span<const FitCamera> cameras, const RigMotion& start, double reach,

@@ -167,10 +167,18 @@ std::optional<Rigid3> TemplateBank::full_pose(const CameraModel& camera,
   return Rigid3(rotation, distance * *ray - rotation * model_->center());
 }
 
+namespace {
+
+float turn_angle(int turn, const ScanRange& range) {
+  return static_cast<float>(2 * std::numbers::pi * turn / range.turns);
+}
+
+}  // namespace
+
 WeakPerspectivePose template_pose(const ScanHit& hit, const ScanRange& range) {
   WeakPerspectivePose pose;
   pose.view = hit.view;
-  pose.turn = static_cast<float>(2 * std::numbers::pi * hit.turn / range.turns);
+  pose.turn = turn_angle(hit.turn, range);
   pose.scale = range.scales[hit.scale];
   pose.x = hit.x;
   pose.y = hit.y;
@@ -181,36 +189,32 @@ namespace {
 
 constexpr int kColumnStep = ResponseMaps::kColumnStep;
 
-// One template at a time, over all places.
+// A view in all turns, row by row: what one turn has read of the maps is near for the next one.
 class TemplateScan {
  public:
   TemplateScan(const ResponseMaps& maps, const ScanRange& range)
       : maps_(maps),
         range_(range),
+        turned_(static_cast<size_t>(range.turns)),
         sums_(static_cast<size_t>(maps.stride() / kColumnStep) + 64),
         hits_(range.max) {}
 
-  void place(const ViewFeatures& f, float angle, float scale) {
-    const auto reach = static_cast<float>(maps_.margin());
-    const float c = std::cos(angle) * scale, s = std::sin(angle) * scale;
-    for (size_t i = 0; i < f.count; ++i) {
-      const float x = std::clamp(c * f.x[i] - s * f.y[i], -reach, reach);
-      const float y = std::clamp(s * f.x[i] + c * f.y[i], -reach, reach);
-      features_[i] =
-          maps_.place(angle_bin(f.angle[i] + angle), static_cast<int>(std::floor(x + 0.5f)),
-                      static_cast<int>(std::floor(y + 0.5f)));
-    }
+  void scan(const ViewFeatures& f, ScanHit at) {
     count_ = f.count;
-  }
-
-  void scan(const ScanHit& at) {
+    for (int turn = 0; turn < range_.turns; ++turn) {
+      place(f, turn_angle(turn, range_), range_.scales[at.scale],
+            turned_[static_cast<size_t>(turn)]);
+    }
     for (int y = 0; y < maps_.height(); y += kScanRowStep) {
       const auto [left, end] =
           range_.rows.empty() ? std::array{0, maps_.width()} : range_.rows[static_cast<size_t>(y)];
       const int first = left / kColumnStep;
       const int columns = std::max(0, (end - kColumnStep * first + kColumnStep - 1) / kColumnStep);
-      places_ += static_cast<uint64_t>(columns);
-      if (columns > 0) scan_row(at, first, columns, y);
+      places_ += static_cast<uint64_t>(columns) * turned_.size();
+      for (size_t turn = 0; columns > 0 && turn < turned_.size(); ++turn) {
+        at.turn = static_cast<uint16_t>(turn);
+        scan_row({turned_[turn].data(), count_}, at, first, columns, y);
+      }
     }
   }
 
@@ -222,10 +226,24 @@ class TemplateScan {
   }
 
  private:
-  void scan_row(const ScanHit& at, int first, int columns, int y) {
+  using Features = std::array<const uint8_t*, ViewFeatures::kMax>;  // of the first place
+
+  void place(const ViewFeatures& f, float angle, float scale, Features& to) const {
+    const auto reach = static_cast<float>(maps_.margin());
+    const float c = std::cos(angle) * scale, s = std::sin(angle) * scale;
+    for (size_t i = 0; i < f.count; ++i) {
+      const float x = std::clamp(c * f.x[i] - s * f.y[i], -reach, reach);
+      const float y = std::clamp(s * f.x[i] + c * f.y[i], -reach, reach);
+      to[i] = maps_.place(angle_bin(f.angle[i] + angle), static_cast<int>(std::floor(x + 0.5f)),
+                          static_cast<int>(std::floor(y + 0.5f)));
+    }
+  }
+
+  void scan_row(std::span<const uint8_t* const> features, const ScanHit& at, int first, int columns,
+                int y) {
     const uint8_t threshold = hits_.threshold();
     const ptrdiff_t offset = y * maps_.stride() + first;
-    if (!sum_features({features_.data(), count_}, offset, columns, threshold, sums_.data())) return;
+    if (!sum_features(features, offset, columns, threshold, sums_.data())) return;
     const auto end = static_cast<size_t>(columns);
     for (size_t x = next_reaching(sums_, 0, end, threshold); x < end;
          x = next_reaching(sums_, x + 1, end, threshold)) {
@@ -242,7 +260,7 @@ class TemplateScan {
 
   const ResponseMaps& maps_;
   const ScanRange& range_;
-  std::array<const uint8_t*, ViewFeatures::kMax> features_{};  // of the first place
+  std::vector<Features> turned_;
   size_t count_ = 0;
   std::vector<uint8_t> sums_;
   HitList hits_;
@@ -257,12 +275,8 @@ std::vector<ScanHit> scan(const TemplateBank& bank, const ResponseMaps& maps,
   const size_t views = std::min(range.views, bank.model().size());
   for (size_t scale = 0; scale < range.scales.size(); ++scale) {
     for (size_t view = 0; view < views; ++view) {
-      for (int turn = 0; turn < range.turns; ++turn) {
-        const auto angle = static_cast<float>(2 * std::numbers::pi * turn / range.turns);
-        scan.place(bank.features(view), angle, range.scales[scale]);
-        scan.scan({0, static_cast<uint16_t>(view), static_cast<uint16_t>(turn),
-                   static_cast<uint16_t>(scale), 0, 0});
-      }
+      scan.scan(bank.features(view),
+                {0, static_cast<uint16_t>(view), 0, static_cast<uint16_t>(scale), 0, 0});
     }
   }
   bank.work().places += scan.places();

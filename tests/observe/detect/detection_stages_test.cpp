@@ -19,6 +19,7 @@
 #include "observe/detect/pose_scan.hpp"
 #include "observe/detect/pose_verification.hpp"
 #include "sightline/observe/detect/object_detector.hpp"
+#include "support/lens_camera.hpp"
 #include "support/random.hpp"
 #include "support/scene_rig.hpp"
 #include "support/scene_shapes.hpp"
@@ -496,11 +497,10 @@ TEST(SectorContrast, AsksEachStretchForItsOwnOutside) {
         image.planes[0][i] = static_cast<uint8_t>(std::min(255, light));
       }
     }
-    return sector_contrast(view, camera.model, camera_from_object, model.radius(), image, 1);
+    return sector_contrast(view, camera.model, camera_from_object, image, 1);
   };
   EXPECT_GT(contrast(40), contrast(0) + 0.3);
-  const double global =
-      outline_contrast(view, camera.model, camera_from_object, model.radius(), image, nullptr);
+  const double global = outline_contrast(view, camera.model, camera_from_object, image, nullptr);
   EXPECT_GT(contrast(40), global + 0.1) << "all colors occur on both sides somewhere";
   // Without color differences luma stands for them: what differs stands out more, what does not
   // stays behind.
@@ -544,6 +544,36 @@ TEST_F(Judging, ByContourAPoseNeedsAScoreAndNoRivalElsewhere) {
   const Detection both = decide_by_contour(
       {made_contour(here, {0.8, 0.8, 0.8}), made_contour(rotated, {0.78, 0.78, 0.78})});
   EXPECT_EQ(both.poses.size(), 2u) << "at its own place they are hypotheses";
+}
+
+TEST(SampleEdges, NormalIsWhereAStepAlongItLeads) {
+  CalibratedCamera pinhole = test::lens_camera();
+  CameraModel::Parameters bent = pinhole.model.parameters();
+  bent.lens = LensModel::kFisheye;
+  bent.distortion = {0.05, -0.01, 0.002, -0.0005};
+  const CameraModel fisheye = CameraModel::create(bent, "test").value();
+  test::Random random(5);
+  for (const CameraModel& lens : {pinhole.model, fisheye}) {
+    for (int i = 0; i < 50; ++i) {
+      const Eigen::Vector3d place(random.uniform(-0.3, 0.3), random.uniform(-0.2, 0.2),
+                                  random.uniform(0.6, 1.2));
+      const Eigen::Quaterniond rotation(random.normal<4>().normalized());
+      const Rigid3 camera_from_object(rotation, place);
+      const Eigen::Vector3d point(random.uniform(-0.05, 0.05), random.uniform(-0.05, 0.05), 0.03);
+      const Eigen::Vector3d normal = random.normal<3>().normalized();
+      const auto sample =
+          project_sample(lens, Eigen::Isometry3d(camera_from_object.matrix()), point, normal);
+      ASSERT_TRUE(sample);
+      const auto at = [&](double step) {
+        return *lens.project(camera_from_object * (point + step * normal));
+      };
+      const Eigen::Vector2d along = at(1e-6) - at(-1e-6);
+      EXPECT_GT(sample->normal.dot(along.normalized()), 1 - 1e-6);
+      EXPECT_LT((2 * sample->pixel + Eigen::Vector2d::Constant(0.5) - at(0)).norm(), 1e-9);
+      const Eigen::Vector2d half = sample->jacobian * (camera_from_object.rotation * normal);
+      EXPECT_LT((half * 4e-6 - along).norm(), 1e-3 * along.norm());
+    }
+  }
 }
 
 TEST(SampleEdges, ReachAnEdgeAlongTheNormal) {

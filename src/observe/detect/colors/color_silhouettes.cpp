@@ -17,13 +17,12 @@ ColorSilhouettes::ColorSilhouettes(const DetectorFrames& frames, const Viewpoint
     const Eigen::Vector3d center = camera_from_object * model.center();
     const auto pixel = lens.project(center);
     const View view = model.view(model.nearest(camera_from_object));
-    if (!pixel || outline_contrast(view, lens, camera_from_object, model.radius(), *camera.image,
-                                   nullptr) < kMinColorContrast)
+    if (!pixel || outline_contrast(view, lens, camera_from_object, *camera.image, nullptr) <
+                      kMinColorContrast)
       continue;
     const Eigen::Vector2d half =
         (*pixel + Eigen::Vector2d::Constant(0.5)) / 2 - Eigen::Vector2d::Constant(0.5);
-    maps_.push_back(color_foreground(view, lens, camera_from_object, model.radius(), *camera.image,
-                                     half,
+    maps_.push_back(color_foreground(view, lens, camera_from_object, *camera.image, half,
                                      lens.parameters().fx / 2 * model.radius() / center.norm()));
     seconds_.push_back(camera.seconds);
     cameras_.push_back({camera.camera, camera.camera_from_world, nullptr, 0, 0, {}, {}});

@@ -11,13 +11,12 @@
 namespace sightline::observe {
 
 ForegroundMap color_foreground(const View& view, const CameraModel& camera,
-                               const Rigid3& camera_from_object, double radius,
-                               const HalfSizeImage& image, const Eigen::Vector2d& center,
-                               double radius_px) {
+                               const Rigid3& camera_from_object, const HalfSizeImage& image,
+                               const Eigen::Vector2d& center, double radius_px) {
   ColorHistogram inside, outside;
   const int reach = std::clamp(static_cast<int>(0.6 * radius_px), kSectorReach, 60);
   visit_sides(
-      view, 0, view.contour.size(), kSampleStep, camera, camera_from_object, radius, reach,
+      view, 0, view.contour.size(), kSampleStep, camera, camera_from_object, reach,
       [&](const Eigen::Vector2d& place) { inside.add(image, place); },
       [&](const Eigen::Vector2d& place) { outside.add(image, place); });
   std::array<double, ColorHistogram::kBins> posterior{};

@@ -14,8 +14,7 @@ namespace sightline::observe {
 /// colors that both have, and all that is further away than one and a half radii. `center` [half-
 /// size px] and `radius_px` of the object.
 ForegroundMap color_foreground(const View& view, const CameraModel& camera,
-                               const Rigid3& camera_from_object, double radius,
-                               const HalfSizeImage& image, const Eigen::Vector2d& center,
-                               double radius_px);
+                               const Rigid3& camera_from_object, const HalfSizeImage& image,
+                               const Eigen::Vector2d& center, double radius_px);
 
 }  // namespace sightline::observe

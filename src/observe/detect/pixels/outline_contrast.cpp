@@ -32,7 +32,7 @@ class ForegroundShare {
 }  // namespace
 
 double outline_contrast(const View& view, const CameraModel& camera,
-                        const Rigid3& camera_from_object, double radius, const HalfSizeImage& image,
+                        const Rigid3& camera_from_object, const HalfSizeImage& image,
                         const ForegroundMap* foreground) {
   ColorHistogram inside, outside;
   ForegroundShare foreground_inside, foreground_outside;
@@ -42,7 +42,7 @@ double outline_contrast(const View& view, const CameraModel& camera,
     if (foreground != nullptr) share.add(*foreground, place);
   };
   visit_sides(
-      view, 0, view.contour.size(), kSampleStep, camera, camera_from_object, radius, kContrastSteps,
+      view, 0, view.contour.size(), kSampleStep, camera, camera_from_object, kContrastSteps,
       [&](const Eigen::Vector2d& place) { add(place, inside, foreground_inside); },
       [&](const Eigen::Vector2d& place) { add(place, outside, foreground_outside); });
   return std::max(inside.difference(outside),

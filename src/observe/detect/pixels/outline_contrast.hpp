@@ -12,7 +12,7 @@ namespace sightline::observe {
 /// Bhattacharyya coefficient of the histograms), or in that one is foreground and the other
 /// background, if that is more. `foreground` null: not known.
 double outline_contrast(const View& view, const CameraModel& camera,
-                        const Rigid3& camera_from_object, double radius, const HalfSizeImage& image,
+                        const Rigid3& camera_from_object, const HalfSizeImage& image,
                         const ForegroundMap* foreground);
 
 }  // namespace sightline::observe

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "observe/detect/pixels/sample_edges.hpp"
+#include "sightline/geometry/rigid3.hpp"
 #include "sightline/observe/shape/viewpoint_model.hpp"
 
 namespace sightline::observe {
@@ -27,16 +28,15 @@ inline std::optional<PixelPlace> pixel_of(const Eigen::Vector2d& place, int widt
 /// The stretch: every `sample_step`-th sample of [begin, end) of the view's contour.
 template <typename Inside, typename Outside>
 void visit_sides(const View& view, size_t begin, size_t end, size_t sample_step,
-                 const CameraModel& camera, const Rigid3& camera_from_object, double radius,
-                 int reach, const Inside& inside, const Outside& outside) {
-  const double step = 0.01 * radius;
+                 const CameraModel& camera, const Rigid3& camera_from_object, int reach,
+                 const Inside& inside, const Outside& outside) {
+  const Eigen::Isometry3d isometry(camera_from_object.matrix());
   for (size_t i = begin; i < end; i += sample_step) {
     const ContourSample& contour = view.contour[i];
     const Eigen::Vector3d point = contour.point.cast<double>();
-    const auto sample =
-        project_sample(camera, camera_from_object, point, contour.normal.cast<double>(), step);
+    const auto sample = project_sample(camera, isometry, point, contour.normal.cast<double>());
     if (!sample) continue;
-    const double px_per_meter = camera.parameters().fx / 2 / (camera_from_object * point).z();
+    const double px_per_meter = camera.parameters().fx / 2 / (isometry * point).z();
     for (int s = 2; s < 2 + reach; ++s) {
       if (s < px_per_meter * static_cast<double>(contour.foreground)) {
         inside(sample->pixel - s * sample->normal);

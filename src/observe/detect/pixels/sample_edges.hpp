@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <optional>
 
 #include "observe/detect/pixels/edge_maps.hpp"
 #include "sightline/geometry/camera_model.hpp"
-#include "sightline/geometry/rigid3.hpp"
 #include "sightline/observe/terms/foreground_map.hpp"
 
 namespace sightline::observe {
@@ -17,11 +16,11 @@ struct ProjectedSample {
   Eigen::Matrix<double, 2, 3> jacobian;  ///< half-size pixel by point in camera
 };
 
-/// `normal` in the object frame; `step` [m] along it. Empty if either point does not project.
+/// `normal` in the object frame. Empty if the point does not project, or the normal to a point.
 std::optional<ProjectedSample> project_sample(const CameraModel& camera,
-                                              const Rigid3& camera_from_object,
+                                              const Eigen::Isometry3d& camera_from_object,
                                               const Eigen::Vector3d& point,
-                                              const Eigen::Vector3d& normal, double step);
+                                              const Eigen::Vector3d& normal);
 
 /// Distance along the normal [half-size px] to the best edge that crosses it, at most `reach`:
 /// strong ones and near ones are preferred.

@@ -25,6 +25,7 @@ inline bool any_reaches(const Bytes (&sum)[kVectors], uint8_t threshold) {
 template <int kVectors>
 inline void add_features(std::span<const uint8_t* const> features, ptrdiff_t at,
                          Bytes (&sum)[kVectors]) {
+#pragma GCC unroll 8
   for (const uint8_t* feature : features) {
     for (int k = 0; k < kVectors; ++k) {
       Bytes responses;

@@ -48,7 +48,7 @@ class SideColors {
 }  // namespace
 
 double sector_contrast(const View& view, const CameraModel& camera,
-                       const Rigid3& camera_from_object, double radius, const HalfSizeImage& image,
+                       const Rigid3& camera_from_object, const HalfSizeImage& image,
                        size_t sample_step) {
   double sum = 0;
   for (size_t sector = 0; sector < kSectors; ++sector) {
@@ -56,7 +56,7 @@ double sector_contrast(const View& view, const CameraModel& camera,
     const size_t begin = sector * view.contour.size() / kSectors;
     const size_t end = (sector + 1) * view.contour.size() / kSectors;
     visit_sides(
-        view, begin, end, sample_step, camera, camera_from_object, radius, kSectorReach,
+        view, begin, end, sample_step, camera, camera_from_object, kSectorReach,
         [&](const Eigen::Vector2d& place) { inside.add(image, place); },
         [&](const Eigen::Vector2d& place) { outside.add(image, place); });
     if (inside.total() < kMinSectorPixels || outside.total() < kMinSectorPixels) continue;

@@ -14,7 +14,7 @@ namespace sightline::observe {
 /// the other channels as well. Stretches that are not in the image count as 0. `sample_step`: every
 /// n-th sample of the outline is used.
 double sector_contrast(const View& view, const CameraModel& camera,
-                       const Rigid3& camera_from_object, double radius, const HalfSizeImage& image,
+                       const Rigid3& camera_from_object, const HalfSizeImage& image,
                        size_t sample_step);
 
 }  // namespace sightline::observe
