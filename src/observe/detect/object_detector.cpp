@@ -116,7 +116,7 @@ class ObjectDetector::Impl {
     const Detection by_contour =
         belief_.believe(frames_, contours, where, out.time, colors,
                         [&](const Detection& found) { return as_told(found); });
-    if (out.poses.empty()) {
+    if (out.poses.empty() || belief_.contradicts(out, frames_, contours, colors)) {
       out = by_contour;
     } else {
       out.by_contour = same_place(out, by_contour);

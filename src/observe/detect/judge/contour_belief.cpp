@@ -24,7 +24,7 @@ Detection ContourBelief::believe(const DetectorFrames& frames,
   const bool confirmed = weak_.confirms(found);
   if (found.poses.empty()) return found;
   const double score = found.poses.front().evidence;
-  const double enough = colors != nullptr ? kClearContourScore : kMinContourScore;
+  const double enough = colors != nullptr ? kClearWithColors : kMinContourScore;
   const bool clear = score >= enough && agreement >= kFewColorsAgree &&
                      found.runner_up <= kMaxContourRival * score &&
                      score - found.runner_up >= kClearContourMargin;
@@ -59,6 +59,19 @@ Detection ContourBelief::believe_again(const DetectorFrames& frames,
   if (!weak_.continued_by(found) || !weak_.confirms(found)) return none;
   moving_.clear();
   return found;
+}
+
+bool ContourBelief::contradicts(const Detection& by_edges, const DetectorFrames& frames,
+                                const std::vector<ContourPose>& contours,
+                                const ColorVerifier* colors) const {
+  if (by_edges.poses.empty() || contours.empty() || colors == nullptr) return false;
+  const DetectedPose& pose = by_edges.poses.front();
+  if (colors->correlation(pose.world_from_object, pose.twist, by_edges.time) >= kFewColorsAgree) {
+    return false;
+  }
+  Detection alone;
+  judge_.decide_by_contour(frames, contours, 0, kMaxWeakRival, alone);
+  return alone.poses.empty();
 }
 
 double ContourBelief::agreement_of(const ContourPose& pose, Time time,

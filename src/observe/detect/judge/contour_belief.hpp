@@ -37,6 +37,10 @@ class ContourBelief {
   /// had. What is not found there goes on waiting.
   Detection believe_again(const DetectorFrames& frames, const std::vector<ContourPose>& contours,
                           Where where, Time time, const ColorVerifier* colors);
+  /// Speaks against what edges alone have found: the mesh has colors that the images do not show
+  /// there, and by contours another place is about as good as the best.
+  bool contradicts(const Detection& by_edges, const DetectorFrames& frames,
+                   const std::vector<ContourPose>& contours, const ColorVerifier* colors) const;
   void clear() {
     weak_.clear();
     moving_.clear();
