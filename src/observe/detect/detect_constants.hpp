@@ -110,7 +110,7 @@ constexpr double kRestOfSearch = 20;          // weight of the prior that the ob
 constexpr size_t kMaxReleased = 8;            // poses whose motion is fitted without it in the end
 constexpr size_t kMaxContourFits = 36;        // poses that are fitted, with little effort
 // The same where one camera takes part: nothing else told true poses from clutter before, and a
-// third of those that came so far were not among the best 36 (of several cameras one in twenty).
+// fifth of those that came so far were not among the best 36 (of several cameras one in thirty).
 constexpr size_t kMaxContourFitsOfOne = 200;
 constexpr double kPromising = 0.6;  // of the best score: such fits are refined
 constexpr size_t kMaxPromising = 24, kMaxOfPlace = 12;
@@ -143,7 +143,7 @@ constexpr double kMinScoreAlone = 0.45;  // of what moves, below
 // recordings below that 5 of 14 were a part of the object or another one, above none of 90. Else
 // when a second search finds the same, as far as it can have moved at these speeds [m/s, rad/s].
 constexpr double kClearContourScore = 0.7, kClearContourMargin = 0.2;
-constexpr double kClearWithColors = 0.75;
+constexpr double kClearWithColors = 0.75;  // the wrong end of drill had 0.71 in a first search
 constexpr double kWeakSpeed = 1.0, kWeakTurnRate = 3.0;
 constexpr double kAgainSpeed = 0.5;  // [m/s] as far as the look about its place goes
 constexpr double kMaxSecondsBetweenWeak = 1.5;
