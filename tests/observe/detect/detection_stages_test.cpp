@@ -10,6 +10,7 @@
 #include "observe/detect/contour_search.hpp"
 #include "observe/detect/detect_constants.hpp"
 #include "observe/detect/detector_frames.hpp"
+#include "observe/detect/judge/contour_belief.hpp"
 #include "observe/detect/judge/detection_judge.hpp"
 #include "observe/detect/pixels/outline_contrast.hpp"
 #include "observe/detect/pixels/sample_edges.hpp"
@@ -544,6 +545,30 @@ TEST_F(Judging, ByContourAPoseNeedsAScoreAndNoRivalElsewhere) {
   const Detection both = decide_by_contour(
       {made_contour(here, {0.8, 0.8, 0.8}), made_contour(rotated, {0.78, 0.78, 0.78})});
   EXPECT_EQ(both.poses.size(), 2u) << "at its own place they are hypotheses";
+}
+
+TEST_F(Judging, WhatEdgesFoundIsContradictedWhereColorsAndContoursDo) {
+  const auto colors =
+      ColorVerifier::create(test::samples_of(test::make_truck()), scene().cameras).value();
+  test::add_first_frames(
+      scene().rig, [&](CameraId camera, const Frame& frame) { colors->add_frame(camera, frame); });
+  const ContourBelief belief(scene().bank.model(), judge);
+  Detection wrong;
+  wrong.time = frames.newest();
+  wrong.poses.push_back({scene().truth * turned(3.1, {1, 0, 1}, {0.03, 0, 0}), Vector6::Zero()});
+  const std::vector<ContourPose> as_good = {made_contour(here, {0.8, 0.8, 0.8}),
+                                            made_contour(there, {0.75, 0.75, 0.75})};
+  const std::vector<ContourPose> clear = {made_contour(here, {0.8, 0.8, 0.8}),
+                                          made_contour(there, {0.5, 0.5, 0.5})};
+  const auto contradicted = [&](const Detection& found, const std::vector<ContourPose>& contours,
+                                const ColorVerifier* mesh) {
+    return belief.contradicts(found, frames, contours, mesh);
+  };
+  EXPECT_TRUE(contradicted(wrong, as_good, colors.get()));
+  EXPECT_FALSE(contradicted(wrong, clear, colors.get())) << "nothing like it elsewhere";
+  EXPECT_FALSE(contradicted(wrong, as_good, nullptr)) << "the mesh has none";
+  EXPECT_FALSE(contradicted(wrong, {}, colors.get())) << "contours were not looked at";
+  EXPECT_FALSE(contradicted({}, as_good, colors.get()));
 }
 
 TEST(SampleEdges, NormalIsWhereAStepAlongItLeads) {
