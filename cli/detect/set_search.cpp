@@ -12,8 +12,14 @@
 namespace sightline::cli {
 namespace {
 
-constexpr double kRightDistance = 0.03, kRightAngle = 0.26;  // 30 mm, 15 deg
-constexpr double kRightDepth = 0.06;  // of the distance, where one camera looks alone
+struct Tolerance {
+  double distance, angle;  // [m], [rad]
+  double depth;            // of the distance, where one camera looks alone
+};
+constexpr Tolerance kRight{0.03, 0.26, 0.06};
+// Of what is not fitted yet, and leads there: the scan steps by 15 deg and a quarter of the
+// distance.
+constexpr Tolerance kLeadsThere{0.048, 0.42, 0.15};
 constexpr Duration kMaxTruthGap = std::chrono::milliseconds(200);
 
 // By how much a proposed pose may be off when the trackers look at it.
@@ -85,17 +91,17 @@ class SetSearcher {
   SetSearcher() = default;
   const RigObject& shape() const { return rig_.objects.front(); }
 
-  bool right(const Rigid3& truth, const Rigid3& pose) const {
+  bool right(const Rigid3& truth, const Rigid3& pose, const Tolerance& within = kRight) const {
     const Eigen::Vector3d center = truth * shape().views->center();
     Eigen::Vector3d error = pose * shape().views->center() - center;
     if (cameras_.size() == 1) {
       const Eigen::Vector3d ray =
           center - cameras_.front().calibration.world_from_camera.translation;
       const double depth = error.dot(ray) / ray.squaredNorm();
-      if (std::abs(depth) < kRightDepth) error -= depth * ray;
+      if (std::abs(depth) < within.depth) error -= depth * ray;
     }
-    if (error.norm() >= kRightDistance) return false;
-    return shape().views->angle_up_to_symmetry(truth, pose) < kRightAngle;
+    if (error.norm() >= within.distance) return false;
+    return shape().views->angle_up_to_symmetry(truth, pose) < within.angle;
   }
 
   Verdict verdict(const SetResult& result) const {
@@ -150,7 +156,7 @@ class SetSearcher {
     for (const auto& stage : out.trace.stages) {
       const auto& poses = stage.candidates;
       const auto first = std::find_if(poses.begin(), poses.end(), [&](const auto& pose) {
-        return right(truth, pose.world_from_object);
+        return right(truth, pose.world_from_object, stage.fitted ? kRight : kLeadsThere);
       });
       out.ranks.emplace_back();
       if (first != poses.end()) out.ranks.back() = static_cast<size_t>(first - poses.begin());

@@ -251,4 +251,16 @@ TriangleMesh make_column_with_box(const Eigen::Vector3f& box_middle,
   return finish_mesh(std::move(mesh), "column").value();
 }
 
+TriangleMesh make_colored_carton() {
+  TriangleMesh mesh = make_carton();
+  mesh.face_colors.clear();
+  for (const auto& face : mesh.faces) {
+    const Vector3f& p = mesh.vertices[face[0]];
+    const Vector3f normal =
+        (mesh.vertices[face[1]] - p).cross(mesh.vertices[face[2]] - p).normalized();
+    mesh.face_colors.push_back((Vector3f::Constant(0.45f) + 0.4f * normal).cwiseMax(0.05f));
+  }
+  return mesh;
+}
+
 }  // namespace sightline::test

@@ -21,6 +21,8 @@ TriangleMesh make_bottle(size_t faces);
 TriangleMesh make_bracket();
 /// A box of 110 x 70 x 45 mm: few edges, two-fold ambiguous outline.
 TriangleMesh make_carton();
+/// The same, every side in a color of its own.
+TriangleMesh make_colored_carton();
 
 /// Writes vertices and faces as OBJ, and their colors as materials beside it (NAME.mtl).
 Status write_obj(const std::filesystem::path& path, const TriangleMesh& mesh);

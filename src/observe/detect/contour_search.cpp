@@ -35,6 +35,7 @@ void note(DetectionTrace* trace, const char* name, const std::vector<JointPose>&
 void note(DetectionTrace* trace, const char* name, const std::vector<ContourPose>& poses) {
   if (trace == nullptr) return;
   DetectionTrace::Stage stage{name, {}, trace->clock != nullptr ? trace->clock() : 0};
+  stage.fitted = true;
   for (const ContourPose& pose : poses) {
     stage.candidates.push_back({pose.fit.motion.world_from_object, pose.score});
   }

@@ -143,7 +143,7 @@ constexpr double kMinScoreAlone = 0.45;  // of what moves, below
 // recordings below that 5 of 14 were a part of the object or another one, above none of 90. Else
 // when a second search finds the same, as far as it can have moved at these speeds [m/s, rad/s].
 constexpr double kClearContourScore = 0.7, kClearContourMargin = 0.2;
-constexpr double kClearWithColors = 0.75;  // the wrong end of drill had 0.71 in a first search
+constexpr double kClearWithColors = 0.75;  // below, to 0.7, 6 of 36 were wrong
 constexpr double kWeakSpeed = 1.0, kWeakTurnRate = 3.0;
 constexpr double kAgainSpeed = 0.5;  // [m/s] as far as the look about its place goes
 constexpr double kMaxSecondsBetweenWeak = 1.5;

@@ -45,6 +45,10 @@ class FeaturePicker {
   Eigen::Vector3f center_, translation_;
 };
 
+float turn_angle(int turn, const ScanRange& range) {
+  return static_cast<float>(2 * std::numbers::pi * turn / range.turns);
+}
+
 ViewFeatures pick_features(const View& view, const Eigen::Vector3d& center) {
   const FeaturePicker picker(view, center);
   ViewFeatures out;
@@ -166,14 +170,6 @@ std::optional<Rigid3> TemplateBank::full_pose(const CameraModel& camera,
       Eigen::Quaterniond(camera_from_object_[pose.view]);
   return Rigid3(rotation, distance * *ray - rotation * model_->center());
 }
-
-namespace {
-
-float turn_angle(int turn, const ScanRange& range) {
-  return static_cast<float>(2 * std::numbers::pi * turn / range.turns);
-}
-
-}  // namespace
 
 WeakPerspectivePose template_pose(const ScanHit& hit, const ScanRange& range) {
   WeakPerspectivePose pose;

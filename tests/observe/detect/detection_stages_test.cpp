@@ -548,24 +548,30 @@ TEST_F(Judging, ByContourAPoseNeedsAScoreAndNoRivalElsewhere) {
 }
 
 TEST_F(Judging, WhatEdgesFoundIsContradictedWhereColorsAndContoursDo) {
+  const TriangleMesh mesh = test::make_colored_carton();
+  const test::SceneRig rig(
+      test::search_scene(mesh, test::resting(turned(0.7, {1, 3, 2}, {0.01, 0.02, 0}))));
   const auto colors =
-      ColorVerifier::create(test::samples_of(test::make_truck()), scene().cameras).value();
+      ColorVerifier::create(test::samples_of(mesh), test::detector_cameras(rig)).value();
   test::add_first_frames(
-      scene().rig, [&](CameraId camera, const Frame& frame) { colors->add_frame(camera, frame); });
+      rig, [&](CameraId camera, const Frame& frame) { colors->add_frame(camera, frame); });
   const ContourBelief belief(scene().bank.model(), judge);
-  Detection wrong;
-  wrong.time = frames.newest();
-  wrong.poses.push_back({scene().truth * turned(3.1, {1, 0, 1}, {0.03, 0, 0}), Vector6::Zero()});
+  Detection right, wrong;
+  right.time = wrong.time = rig.shots().front().true_capture;
+  const Rigid3 truth = rig.truth(right.time);
+  right.poses.push_back({truth, Vector6::Zero()});
+  wrong.poses.push_back({truth * turned(3.1, {1, 0, 1}, {0.03, 0, 0}), Vector6::Zero()});
   const std::vector<ContourPose> as_good = {made_contour(here, {0.8, 0.8, 0.8}),
                                             made_contour(there, {0.75, 0.75, 0.75})};
   const std::vector<ContourPose> clear = {made_contour(here, {0.8, 0.8, 0.8}),
                                           made_contour(there, {0.5, 0.5, 0.5})};
   const auto contradicted = [&](const Detection& found, const std::vector<ContourPose>& contours,
-                                const ColorVerifier* mesh) {
-    return belief.contradicts(found, frames, contours, mesh);
+                                const ColorVerifier* verifier) {
+    return belief.contradicts(found, frames, contours, verifier);
   };
   EXPECT_TRUE(contradicted(wrong, as_good, colors.get()));
   EXPECT_FALSE(contradicted(wrong, clear, colors.get())) << "nothing like it elsewhere";
+  EXPECT_FALSE(contradicted(right, as_good, colors.get())) << "its colors show";
   EXPECT_FALSE(contradicted(wrong, as_good, nullptr)) << "the mesh has none";
   EXPECT_FALSE(contradicted(wrong, {}, colors.get())) << "contours were not looked at";
   EXPECT_FALSE(contradicted({}, as_good, colors.get()));

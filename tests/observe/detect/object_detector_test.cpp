@@ -162,21 +162,8 @@ TEST(ObjectDetector, ReturnsAllPosesOfASymmetricThing) {
   }
 }
 
-// Every side of the box in a color of its own.
-TriangleMesh colored_carton() {
-  TriangleMesh mesh = make_carton();
-  mesh.face_colors.clear();
-  for (const auto& face : mesh.faces) {
-    const Eigen::Vector3f& p = mesh.vertices[face[0]];
-    const Eigen::Vector3f normal =
-        (mesh.vertices[face[1]] - p).cross(mesh.vertices[face[2]] - p).normalized();
-    mesh.face_colors.push_back((Eigen::Vector3f::Constant(0.45f) + 0.4f * normal).cwiseMax(0.05f));
-  }
-  return mesh;
-}
-
 TEST(ColorVerifier, DecidesBetweenSymmetricPosesByColor) {
-  const TriangleMesh mesh = colored_carton();
+  const TriangleMesh mesh = test::make_colored_carton();
   const SceneRig rig(search_scene(mesh, resting(turned(0.7, {1, 3, 2}, {0.01, 0.02, 0}))));
   const auto detector = detector_for(rig, mesh);
   const std::vector<DetectorCamera> cameras = detector_cameras(rig);

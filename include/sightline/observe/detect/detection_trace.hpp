@@ -19,6 +19,7 @@ struct DetectionTrace {
     std::string name;
     std::vector<Candidate> candidates;  ///< best first
     double at_ms = 0;                   ///< by `clock`, when the stage was done
+    bool fitted = false;  ///< moved onto the edges; before, as far off as a scan steps
   };
   double (*clock)() = nullptr;  ///< null: nobody asks for times
   Time time{};                  ///< that the poses refer to
