@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "sightline/geometry/rotation_between.hpp"
+
 namespace sightline::test {
 namespace {
 
@@ -48,15 +50,15 @@ Rigid3 SimulatedUser::try_pose(const CaptureAdvice& advice) {
       ((2 * region.row + 1) / 6.0 + random_.uniform(-spread, spread)) * lens.height());
   const auto ray = lens.unproject(pixel);
   Eigen::Vector3d sight = ray ? *ray : Eigen::Vector3d::UnitZ();
-  Rigid3 camera_from_eye(Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), sight),
+  Rigid3 camera_from_eye(rotation_between(Eigen::Vector3d::UnitZ(), sight),
                          Eigen::Vector3d::Zero());
   if (advice.kind == CaptureAdvice::Kind::kTogether) {
     // Between the two, facing both.
     const Rigid3 camera_from_other =
         rig_.truth[c].world_from_camera.inverse() * rig_.truth[advice.other].world_from_camera;
     const Eigen::Vector3d aim = camera_from_other.translation / 2;
-    camera_from_eye.rotation = Eigen::Quaterniond::FromTwoVectors(
-        Eigen::Vector3d::UnitZ(), (distance * sight - aim).normalized());
+    camera_from_eye.rotation =
+        rotation_between(Eigen::Vector3d::UnitZ(), (distance * sight - aim).normalized());
   }
   Eigen::Quaterniond tilt = Eigen::Quaterniond::Identity();
   if (habits_.tilts) {

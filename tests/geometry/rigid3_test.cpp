@@ -8,6 +8,7 @@
 #include <numbers>
 #include <random>
 
+#include "sightline/geometry/rotation_between.hpp"
 #include "support/matchers.hpp"
 
 namespace sightline {
@@ -165,6 +166,21 @@ TEST(Rigid3, RefusesMatricesThatAreNoPose) {
   m = Eigen::Matrix4d::Identity();
   m(1, 3) = std::nan("");
   EXPECT_THAT(Rigid3::from_matrix(m, "left"), FailsWith("not finite"));
+}
+
+TEST(RotationBetween, TurnsOneDirectionIntoTheOtherAboutAnAxisAcrossBoth) {
+  std::mt19937 random(7);
+  std::normal_distribution<double> normal;
+  const auto vector = [&] {
+    return Eigen::Vector3d(normal(random), normal(random), normal(random));
+  };
+  for (int i = 0; i < 200; ++i) {
+    const Eigen::Vector3d from = vector(), to = i < 100 ? vector() : Eigen::Vector3d(-3 * from);
+    const Eigen::Quaterniond rotation = rotation_between(from, to);
+    EXPECT_NEAR((rotation * from.normalized() - to.normalized()).norm(), 0, 1e-7);
+    EXPECT_NEAR(rotation.vec().dot(from.normalized()), 0, 1e-7);
+    EXPECT_NEAR(rotation.norm(), 1, 1e-12);
+  }
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <tuple>
 
+#include "sightline/geometry/rotation_between.hpp"
 #include "support/random.hpp"
 #include "support/reprojection_term.hpp"
 
@@ -28,9 +29,8 @@ Rigid3 flipped(const Rigid3& camera_from_object, const Fiducial& fiducial) {
   const Eigen::Vector3d sight = camera_from_fiducial.translation.normalized();
   const Eigen::Vector3d normal = camera_from_fiducial.rotation * Eigen::Vector3d::UnitZ();
   const Eigen::Vector3d mirrored = 2 * sight.dot(normal) * sight - normal;
-  const Rigid3 other(
-      Eigen::Quaterniond::FromTwoVectors(normal, mirrored) * camera_from_fiducial.rotation,
-      camera_from_fiducial.translation);
+  const Rigid3 other(rotation_between(normal, mirrored) * camera_from_fiducial.rotation,
+                     camera_from_fiducial.translation);
   return other * fiducial.object_from_fiducial.inverse();
 }
 
@@ -45,8 +45,7 @@ std::vector<Fiducial> cube_of_tags(double size, double tag_size) {
     tag.family = "tag36h11";
     tag.id = i;
     tag.size = tag_size;
-    const Eigen::Quaterniond turn =
-        Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), normals[i]);
+    const Eigen::Quaterniond turn = rotation_between(Eigen::Vector3d::UnitZ(), normals[i]);
     tag.object_from_fiducial = Rigid3(turn, 0.5 * size * normals[i]);
     tags.push_back(tag);
   }

@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "observe/detect/detect_constants.hpp"
+#include "sightline/geometry/rotation_between.hpp"
 
 namespace sightline::observe {
 namespace {
@@ -46,7 +47,7 @@ Square square(const SilhouetteCamera& camera, double x, double y, double half) {
 }
 
 Eigen::Quaterniond ray_turn(const Eigen::Vector3d& ray) {
-  return Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), ray);
+  return rotation_between(Eigen::Vector3d::UnitZ(), ray);
 }
 
 double turn_angle(int turn) { return 2 * std::numbers::pi * turn / kTurns; }

@@ -8,13 +8,14 @@
 
 #include "observe/detect/detect_constants.hpp"
 #include "observe/detect/pixels/scan_kernel.hpp"
+#include "sightline/geometry/rotation_between.hpp"
 
 namespace sightline::observe {
 namespace {
 
 // Turns the camera's axis into the ray.
 Eigen::Quaterniond ray_turn(const Eigen::Vector3d& ray) {
-  return Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), ray);
+  return rotation_between(Eigen::Vector3d::UnitZ(), ray);
 }
 
 class FeaturePicker {

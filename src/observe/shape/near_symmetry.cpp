@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "observe/shape/view_sphere.hpp"
+#include "sightline/geometry/rotation_between.hpp"
 
 namespace sightline {
 namespace {
@@ -152,8 +153,7 @@ class Comparison {
   }
 
   Rigid3 looking_along(const Eigen::Vector3d& axis) const {
-    const Eigen::Quaterniond rotation =
-        Eigen::Quaterniond::FromTwoVectors(axis, Eigen::Vector3d::UnitZ());
+    const Eigen::Quaterniond rotation = rotation_between(axis, Eigen::Vector3d::UnitZ());
     const Eigen::Vector3d in_front(0, 0, kDistance * frame_.radius);
     return Rigid3(rotation, in_front - rotation * frame_.middle);
   }

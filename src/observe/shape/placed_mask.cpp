@@ -4,6 +4,8 @@
 #include <bit>
 #include <cmath>
 
+#include "sightline/geometry/rotation_between.hpp"
+
 namespace sightline::observe {
 namespace {
 
@@ -29,7 +31,7 @@ std::optional<PlacedMask> place_mask(const ViewpointModel& model, const CameraMo
   PlacedMask out;
   out.view = model.nearest(camera_from_object);
   const Eigen::Matrix3d along_ray =
-      Eigen::Quaterniond::FromTwoVectors(center, Eigen::Vector3d::UnitZ()).toRotationMatrix() *
+      rotation_between(center, Eigen::Vector3d::UnitZ()).toRotationMatrix() *
       camera_from_object.rotation_matrix();
   const Eigen::Matrix3d turn =
       along_ray * model.view(out.view).camera_from_object.rotation_matrix().transpose();

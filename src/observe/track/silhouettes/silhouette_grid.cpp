@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "sightline/geometry/rotation_between.hpp"
+
 namespace sightline::observe {
 namespace {
 
@@ -49,7 +51,7 @@ bool SilhouetteGrid::aim(const Rigid3& world_from_object) {
       2 * radius * focal < kMinDiameterPx * distance) {
     return false;
   }
-  camera_from_grid_ = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), center);
+  camera_from_grid_ = rotation_between(Eigen::Vector3d::UnitZ(), center);
   const Eigen::Quaterniond rotation = camera_from_grid_.conjugate() * camera_from_object_.rotation;
   const Eigen::Vector3d in_front(0, 0, kDistance * radius);
   grid_from_object_ = Rigid3(rotation, in_front - rotation * middle);
