@@ -33,6 +33,8 @@ double quantile(std::vector<double> values, double q) {
   return values[static_cast<size_t>(q * static_cast<double>(values.size() - 1))];
 }
 
+constexpr double kScored = 0.5;  // what a search may believe
+
 // What has become of the truth, over all sets of one object.
 struct StageTotals {
   size_t searches = 0;
@@ -47,6 +49,8 @@ struct ObjectTotals {
   std::map<std::string, StageTotals> stages;
   size_t best_right = 0, explained = 0;
   std::vector<double> truth_seen;  // cameras whose tracker sees the true pose
+  // DetectionTrace::second_share of the bests that score kScored.
+  std::vector<double> second_of_right, second_of_wrong;
 
   void add(const SetResult& result) {
     ++searches;
@@ -58,6 +62,10 @@ struct ObjectTotals {
 
  private:
   void add(const Explanation& explanation) {
+    if (explanation.best_score >= kScored) {
+      (explanation.best_is_right ? second_of_right : second_of_wrong)
+          .push_back(explanation.trace.second_share);
+    }
     if (!explanation.at_truth) return;
     ++explained;
     best_right += explanation.best_is_right;
@@ -101,7 +109,9 @@ Json to_json(const Rigid3& pose) {
 }
 
 Json to_json(const Explanation& explanation) {
-  Json json{{"best_score", explanation.best_score}, {"rival_score", explanation.rival_score}};
+  Json json{{"best_score", explanation.best_score},
+            {"rival_score", explanation.rival_score},
+            {"second_share", explanation.trace.second_share}};
   for (size_t i = 0; i < explanation.trace.stages.size(); ++i) {
     const auto& stage = explanation.trace.stages[i];
     Json row{{"stage", stage.name}, {"poses", stage.candidates.size()}, {"cpu_ms", stage.at_ms}};
@@ -159,9 +169,13 @@ void print(const Explanation& explanation) {
   if (explanation.at_truth) print("truth:", *explanation.at_truth);
   if (!explanation.at_best) return;
   print(explanation.best_is_right ? "best (ok):" : "best:", *explanation.at_best);
-  fmt::print("  score of the best {:.2f}, of the best at another place {:.2f} of that\n",
-             explanation.best_score,
-             explanation.best_score > 0 ? explanation.rival_score / explanation.best_score : 0.0);
+  fmt::print(
+      "  score of the best {:.2f}, of the best at another place {:.2f} of that; rank of another "
+      "pose "
+      "at its place {:.2f} of its own\n",
+      explanation.best_score,
+      explanation.best_score > 0 ? explanation.rival_score / explanation.best_score : 0.0,
+      explanation.trace.second_share);
 }
 
 void print(const std::string& object, const SetResult& result) {
@@ -176,6 +190,15 @@ void print(const std::string& object, const SetResult& result) {
 size_t count(const ObjectTotals& totals, Verdict verdict) {
   const auto found = totals.verdicts.find(verdict);
   return found == totals.verdicts.end() ? 0 : found->second;
+}
+
+void print_second_shares(const char* which, const std::vector<double>& shares) {
+  if (shares.empty()) return;
+  fmt::print(
+      "  {} bests that score {} and more: {}; rank of another pose at their place: {:.2f} {:.2f} "
+      "{:.2f} of their own (quartiles)\n",
+      which, kScored, shares.size(), quantile(shares, 0.25), quantile(shares, 0.5),
+      quantile(shares, 0.75));
 }
 
 void print_totals(const std::string& name, ObjectTotals totals) {
@@ -194,6 +217,8 @@ void print_totals(const std::string& name, ObjectTotals totals) {
     for (const size_t rank : stage.ranks) fmt::print(" {}", rank);
     fmt::print("\n");
   }
+  print_second_shares("right", totals.second_of_right);
+  print_second_shares("wrong", totals.second_of_wrong);
   if (totals.explained == 0) return;
   fmt::print("  the best is right in {} of {}; trackers of {:.0f} cameras see the truth (median)\n",
              totals.best_right, totals.explained, quantile(totals.truth_seen, 0.5));

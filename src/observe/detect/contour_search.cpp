@@ -104,12 +104,12 @@ void sort_with_colors(std::vector<ContourPose>& poses, const MeshColors* colors,
   poses = std::move(sorted);
 }
 
+}  // namespace
+
 void sort_by_rank(std::vector<ContourPose>& poses) {
   std::stable_sort(poses.begin(), poses.end(),
                    [](const ContourPose& a, const ContourPose& b) { return a.rank > b.rank; });
 }
-
-}  // namespace
 
 double joint_score(std::vector<double> cameras) {
   const size_t needed = std::min<size_t>(2, cameras.size());

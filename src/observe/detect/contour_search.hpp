@@ -24,6 +24,8 @@ struct ContourPose {
   double rank = 0;   ///< which of several poses is the best goes by joint_rank()
 };
 
+/// Best first.
+void sort_by_rank(std::vector<ContourPose>& poses);
 /// Of the scores of all cameras, negative where the pose is not in the image: the mean, of three
 /// and more without the worst, because something may stand before it. Where there are several
 /// cameras, one alone is not believed: 0.

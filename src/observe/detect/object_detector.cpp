@@ -13,6 +13,7 @@
 #include "observe/detect/judge/contour_belief.hpp"
 #include "observe/detect/judge/detection_judge.hpp"
 #include "observe/detect/judge/measure_twists.hpp"
+#include "observe/detect/judge/second_to_best.hpp"
 #include "observe/detect/judge/taken_places.hpp"
 #include "observe/detect/plan/search_distances.hpp"
 #include "observe/detect/plan/search_order.hpp"
@@ -172,8 +173,11 @@ class ObjectDetector::Impl {
     const auto mesh_colors = colors_of(colors);
     const ScanResult hits = scan_.scan(frames_, scanned, where, mesh_colors.get());
     trace.stages.push_back({"scan", scan_.poses(frames_, hits), trace.clock ? trace.clock() : 0});
-    contours_.search(frames_, verification_.by_edges(frames_, hits), mesh_colors.get(), &trace,
-                     kMaxPool);
+    std::vector<ContourPose> poses = contours_.search(
+        frames_, verification_.by_edges(frames_, hits), mesh_colors.get(), &trace, kMaxPool);
+    sort_by_rank(poses);
+    if (colors != nullptr) weigh_by_colors(*colors, trace.time, kLeastColors, poses);
+    if (!poses.empty()) trace.second_share = second_to_best(model(), poses, kOtherPlace);
   }
 
   PoseAssessment assess(const Rigid3& world_from_object) const {
@@ -238,15 +242,15 @@ class ObjectDetector::Impl {
       }
     }
     frames_.magnify_about(starts, model());
-    // Edges cost less; where they do not tell, what was found by contours is followed by those.
+    // Edges cost less; where they do not tell, contours do.
     fit_and_judge(starts, judged);
     judge_.decide(frames_, judged, out);
-    if (!out.poses.empty()) {
-      out.by_contour = earlier.by_contour;
-    } else if (earlier.by_contour) {
-      judge_.decide_by_contour(frames_, contours_.fit(frames_, starts), kMinFollowedContour,
-                               kMaxContourRival, out);
+    if (out.poses.empty()) {
+      const double enough = earlier.by_contour ? kMinFollowedContour : kMinContourScore;
+      judge_.decide_by_contour(frames_, contours_.fit(frames_, starts), enough, kMaxContourRival,
+                               out);
     }
+    out.by_contour = earlier.by_contour;
     measure_twists(earlier, out);
     return out;
   }
@@ -358,8 +362,7 @@ class ObjectDetector::Impl {
       return !possible(pose.fit.motion.world_from_object);
     });
     for (ContourPose& pose : contours_.fit(frames_, told_)) poses.push_back(std::move(pose));
-    std::stable_sort(poses.begin(), poses.end(),
-                     [](const ContourPose& a, const ContourPose& b) { return a.rank > b.rank; });
+    sort_by_rank(poses);
     return poses;
   }
 

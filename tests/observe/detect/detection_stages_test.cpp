@@ -515,6 +515,7 @@ TEST(SectorContrast, AsksEachStretchForItsOwnOutside) {
 // A pose that so many cameras score by its outline.
 ContourPose made_contour(const Rigid3& pose, std::vector<double> cameras) {
   ContourPose out{made_fit(pose, cameras), cameras, 0};
+  out.rank = joint_rank(cameras, cameras.size());
   out.score = joint_score(std::move(cameras));
   return out;
 }

@@ -25,6 +25,7 @@ struct DetectionTrace {
   Time time{};                  ///< that the poses refer to
   bool moving = false;          ///< asked: where something moves only, if anything does
   std::vector<Stage> stages;
+  double second_share = 0;  ///< rank of the best other pose at the place of the best, of its own
 };
 
 /// What the images say of one pose, stage by stage; means over the cameras that have the middle of

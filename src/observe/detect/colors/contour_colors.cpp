@@ -34,8 +34,7 @@ void weigh_by_colors(const ColorVerifier& colors, Time time, double least,
     poses[i].score *= weights[i];
     poses[i].rank *= weights[i];
   }
-  std::stable_sort(poses.begin(), poses.end(),
-                   [](const ContourPose& a, const ContourPose& b) { return a.rank > b.rank; });
+  sort_by_rank(poses);
 }
 
 }  // namespace sightline::observe

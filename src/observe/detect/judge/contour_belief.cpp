@@ -2,8 +2,10 @@
 #include "observe/detect/judge/contour_belief.hpp"
 
 #include <algorithm>
+#include <limits>
 
 #include "observe/detect/detect_constants.hpp"
+#include "observe/detect/judge/second_to_best.hpp"
 
 namespace sightline::observe {
 
@@ -19,16 +21,14 @@ Detection ContourBelief::believe(const DetectorFrames& frames,
     return found;
   }
   const double agreement = agreement_of(contours.front(), time, colors);
-  if (moved_as_one(frames, contours, where, time, found)) return found;
+  const bool tells = !indistinct(contours);  // else what waits goes on waiting
+  if (tells && moved_as_one(frames, contours, where, time, found)) return found;
   decide(frames, contours, where, agreement, colors != nullptr, found);
-  const bool confirmed = weak_.confirms(found);
+  const bool confirmed = tells && weak_.confirms(found);
   if (found.poses.empty()) return found;
   const double score = found.poses.front().evidence;
-  const double enough = colors != nullptr ? kClearWithColors : kMinContourScore;
-  const bool clear = score >= enough && agreement >= kFewColorsAgree &&
-                     found.runner_up <= kMaxContourRival * score &&
-                     score - found.runner_up >= kClearContourMargin;
-  if (confirmed || clear || as_told(found)) {
+  const bool beyond_doubt = tells && clear(found, contours, agreement, colors != nullptr);
+  if (confirmed || beyond_doubt || as_told(found)) {
     weak_.clear();
     moving_.clear();
     return found;
@@ -39,12 +39,37 @@ Detection ContourBelief::believe(const DetectorFrames& frames,
   return none;
 }
 
+bool ContourBelief::clear(const Detection& found, const std::vector<ContourPose>& contours,
+                          double agreement, bool has_colors) const {
+  const double score = found.poses.front().evidence;
+  if (found.runner_up > kMaxContourRival * score) return false;
+  if (score >= (has_colors ? kClearWithColors : kMinContourScore) && agreement >= kFewColorsAgree &&
+      score - found.runner_up >= kClearContourMargin) {
+    return true;
+  }
+  const std::vector<double>& cameras = contours.front().cameras;
+  if (cameras.size() < 2) {  // which does not tell its distance: all others are rivals
+    return score >= kMinContourScore && agreement >= kFewColorsAgree &&
+           second_to_best(model_, contours, std::numeric_limits<double>::infinity()) <= kMaxSecond;
+  }
+  if (std::ranges::min(cameras) < kMinCameraContour) return false;
+  const bool colors_agree = has_colors && agreement >= kColorsAgree;
+  return score >= (colors_agree ? kDistinctScoreWithColors : kMinContourScore) &&
+         second_to_best(model_, contours, kOtherPlace) <=
+             (colors_agree ? kMaxSecondWithColors : kMaxSecond);
+}
+
+bool ContourBelief::indistinct(const std::vector<ContourPose>& contours) const {
+  return contours.front().cameras.size() >= 2 && model_.near_rotations().empty() &&
+         second_to_best(model_, contours, kOtherPlace) >= kIndistinctSecond;
+}
+
 Detection ContourBelief::believe_again(const DetectorFrames& frames,
                                        const std::vector<ContourPose>& contours, Where where,
                                        Time time, const ColorVerifier* colors) {
   Detection none;
   none.time = time;
-  if (contours.empty() || promising() == nullptr) return none;
+  if (contours.empty() || promising() == nullptr || indistinct(contours)) return none;
   const double rival = promising()->runner_up;
   const double agreement = agreement_of(contours.front(), time, colors);
   Detection moving = none;
@@ -64,7 +89,9 @@ Detection ContourBelief::believe_again(const DetectorFrames& frames,
 bool ContourBelief::contradicts(const Detection& by_edges, const DetectorFrames& frames,
                                 const std::vector<ContourPose>& contours,
                                 const ColorVerifier* colors) const {
-  if (by_edges.poses.empty() || contours.empty() || colors == nullptr) return false;
+  if (by_edges.poses.empty() || contours.empty()) return false;
+  if (indistinct(contours)) return true;
+  if (colors == nullptr) return false;
   const DetectedPose& pose = by_edges.poses.front();
   if (colors->correlation(pose.world_from_object, pose.twist, by_edges.time) >= kFewColorsAgree) {
     return false;

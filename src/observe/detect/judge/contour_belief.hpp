@@ -22,7 +22,8 @@ class ContourBelief {
 
   /// Both must outlive this.
   ContourBelief(const ViewpointModel& model, const DetectionJudge& judge)
-      : judge_(judge),
+      : model_(model),
+        judge_(judge),
         weak_(model.center(), model.radius()),
         moving_(model.center(), model.radius(), [&model](const Rigid3& a, const Rigid3& b) {
           return model.angle_up_to_symmetry(a, b);
@@ -55,6 +56,12 @@ class ContourBelief {
   }
 
  private:
+  /// Beyond doubt at once, `best` being the pose that `found` reports.
+  bool clear(const Detection& found, const std::vector<ContourPose>& contours, double agreement,
+             bool has_colors) const;
+  /// Other poses at the place of the best are as good: nothing is known but that something is
+  /// there. Of a nearly round object they may be turns of it, which are told apart later.
+  bool indistinct(const std::vector<ContourPose>& contours) const;
   static double agreement_of(const ContourPose& pose, Time time, const ColorVerifier* colors);
   void decide(const DetectorFrames& frames, const std::vector<ContourPose>& contours, Where where,
               double agreement, bool has_colors, Detection& found) const;
@@ -65,6 +72,7 @@ class ContourBelief {
   void decide_alone(const DetectorFrames& frames, const std::vector<ContourPose>& contours,
                     Detection& found) const;
 
+  const ViewpointModel& model_;
   const DetectionJudge& judge_;
   WeakDetections weak_;
   MovingDetections moving_;  ///< the same of what moves, whatever the mesh's colors say of it

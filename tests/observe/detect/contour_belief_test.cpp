@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a search believes of a best pose that others at its place come near to, and do not.
+#include "observe/detect/judge/contour_belief.hpp"
+
+#include <gtest/gtest.h>
+
+#include <numbers>
+
+#include "observe/detect/detect_constants.hpp"
+#include "observe/detect/judge/second_to_best.hpp"
+#include "support/scene_rig.hpp"
+#include "support/scene_shapes.hpp"
+#include "support/search_scene.hpp"
+
+namespace sightline::observe {
+namespace {
+
+using test::turned;
+using Where = DetectorFrames::Where;
+
+constexpr ObjectId kObject(3);
+
+// A fitted pose that so many cameras score by its outline.
+ContourPose pose_of(const Rigid3& pose, double score, size_t cameras = 3) {
+  ContourPose out;
+  out.fit.motion.world_from_object = pose;
+  out.fit.cameras.resize(cameras);
+  for (CameraFit& camera : out.fit.cameras) {
+    camera.lines = camera.agreeing = 100;
+    camera.term.information = Matrix6::Identity();
+  }
+  out.cameras.assign(cameras, score);
+  out.score = joint_score(out.cameras);
+  out.rank = joint_rank(out.cameras, cameras);
+  return out;
+}
+
+// A creature before three cameras: what is said to be found there is made up.
+class Belief : public testing::Test {
+ protected:
+  static void SetUpTestSuite() { views_ = test::views_of(test::make_creature(2000)); }
+  static void TearDownTestSuite() { views_.reset(); }
+
+  Belief()
+      : rig_(test::search_scene(test::make_creature(2000), test::resting(here))),
+        frames_(test::detector_cameras(rig_), {}),
+        judge_(kObject, {}, views_->center(), views_->radius()),
+        belief_(*views_, judge_) {
+    test::add_first_frames(
+        rig_, [&](CameraId id, const Frame& frame) { frames_.add(id, frame, nullptr); });
+    EXPECT_TRUE(frames_.select(Where::kEverywhere));
+  }
+
+  Detection believe(double score, double share_of_another) {
+    const std::vector<ContourPose> poses = {pose_of(here, score), pose_of(here, 0.99 * score),
+                                            pose_of(turned_here, share_of_another * score)};
+    time_ += std::chrono::milliseconds(200);
+    return belief_.believe(frames_, poses, Where::kEverywhere, time_, nullptr,
+                           [](const Detection&) { return false; });
+  }
+
+  static std::shared_ptr<const ViewpointModel> views_;
+  const Rigid3 here = turned(0.8, {1, 2, 3}, {0.03, -0.02, 0.01});
+  const Rigid3 turned_here = here * turned(0.3, {0, 0, 1}, {0, 0, 0});
+  test::SceneRig rig_;
+  DetectorFrames frames_;
+  DetectionJudge judge_;
+  ContourBelief belief_;
+  Time time_{std::chrono::seconds(1)};
+};
+
+std::shared_ptr<const ViewpointModel> Belief::views_;
+
+TEST_F(Belief, SecondIsTheBestOfThoseThatDiffer) {
+  const double reach = kOtherPlace;
+  const auto moved = [&](double share) {
+    return Rigid3(Eigen::Quaterniond::Identity(), {share * views_->radius(), 0, 0}) * here;
+  };
+  const auto second = [&](const std::vector<ContourPose>& poses) {
+    return second_to_best(*views_, poses, reach);
+  };
+  EXPECT_EQ(second({pose_of(here, 0.8)}), 0);
+  EXPECT_EQ(second({pose_of(here, 0.8), pose_of(here, 0.8), pose_of(moved(0.1), 0.8)}), 0)
+      << "fits of one pose";
+  EXPECT_NEAR(second({pose_of(here, 0.8), pose_of(turned_here, 0.4)}), 0.5, 1e-9);
+  EXPECT_NEAR(second({pose_of(here, 0.8), pose_of(moved(0.3), 0.6)}), 0.75, 1e-9);
+  EXPECT_NEAR(second({pose_of(here, 0.8), pose_of(moved(0.3), 0.6), pose_of(turned_here, 0.7)}),
+              0.875, 1e-9)
+      << "in any order";
+  EXPECT_EQ(second({pose_of(here, 0.8), pose_of(moved(1.5), 0.8)}), 0) << "at another place";
+  EXPECT_EQ(second({pose_of(here, 0)}), 1) << "nothing";
+}
+
+TEST_F(Belief, OnePoseThatNoOtherComesNearToIsBelievedAtOnce) {
+  ASSERT_TRUE(views_->near_rotations().empty());
+  EXPECT_TRUE(believe(0.58, 0.6).poses.empty());
+  EXPECT_EQ(believe(0.62, 0.6).poses.size(), 1u);
+}
+
+TEST_F(Belief, AmongEqualsNothingIsBelievedHoweverOften) {
+  for (int i = 0; i < 5; ++i) EXPECT_TRUE(believe(0.9, 0.95).poses.empty());
+  EXPECT_TRUE(believe(0.55, 0.8).poses.empty()) << "the first that counts";
+  EXPECT_TRUE(believe(0.9, 0.95).poses.empty());
+  EXPECT_FALSE(believe(0.55, 0.8).poses.empty()) << "it went on waiting";
+}
+
+TEST_F(Belief, EdgesAreContradictedAmongEquals) {
+  Detection by_edges;
+  by_edges.time = time_;
+  by_edges.poses.push_back({here, Vector6::Zero()});
+  const auto contradicts = [&](double share, size_t cameras) {
+    return belief_.contradicts(
+        by_edges, frames_,
+        {pose_of(here, 0.8, cameras), pose_of(turned_here, share * 0.8, cameras)}, nullptr);
+  };
+  EXPECT_TRUE(contradicts(0.95, 3));
+  EXPECT_FALSE(contradicts(0.85, 3));
+  EXPECT_FALSE(contradicts(0.95, 1)) << "one camera's orientations are hardly told apart";
+}
+
+}  // namespace
+}  // namespace sightline::observe
