@@ -14,6 +14,12 @@ Time newest_capture(const std::vector<Observation>& found) {
       ->capture;
 }
 
+Time newest_capture(const std::vector<FramePtr>& frames) {
+  Time newest = Time::min();
+  for (const FramePtr& frame : frames) newest = std::max(newest, frame->info().capture);
+  return newest;
+}
+
 // The further behind, the longer: every step costs the same.
 constexpr int kStepsToNow = 4;
 
@@ -25,7 +31,12 @@ CarryForward::CarryForward(std::vector<Observation> found, const CarryOptions& o
 }
 
 bool CarryForward::step(FrameTrail& trail, const FollowStep& follow) {
-  while (!found_.empty() && trail.newest() > now_ + options_.close_enough) {
+  // Where it was not seen, the end of the way is no place to leave it: a newer frame may show it.
+  const auto more = [&] {
+    const Duration enough = misses_ > 0 ? Duration(0) : options_.close_enough;
+    return trail.newest() > now_ + enough;
+  };
+  while (!found_.empty() && more()) {
     const Duration behind = trail.newest() - now_;
     now_ += next_;
     const std::vector<FramePtr> frames = trail.take_until(now_);
@@ -38,6 +49,8 @@ bool CarryForward::step(FrameTrail& trail, const FollowStep& follow) {
       std::move(moved.begin(), moved.end(), std::back_inserter(found_));
     } else if (++misses_ > options_.max_misses) {
       found_.clear();
+    } else {
+      now_ = newest_capture(frames);
     }
     return !found_.empty();
   }

@@ -231,5 +231,22 @@ TEST(CarryForwardRules, EndsWithWhatIsLostAndWhenToldTo) {
   EXPECT_EQ(steps, 3);
 }
 
+TEST(CarryForwardRules, WhereItWasMissedIsNoEnd) {
+  FrameTrail trail(1);
+  trail.open();
+  for (int i = 1; i < 4; ++i) trail.push(CameraId(0), *frame_at(0, i * 33ms));
+  std::vector<Observation> found(1);
+  found[0].capture = Time(0ms);
+  int steps = 0;
+  const auto miss_once = [&](std::span<const FramePtr> frames) {
+    std::vector<Observation> out(++steps == 1 ? 0 : 1);
+    for (Observation& seen : out) seen.capture = frames.back()->info().capture;
+    return out;
+  };
+  const auto carried = carry_forward(trail, found, miss_once, [] { return true; });
+  ASSERT_FALSE(carried.empty()) << "the newest frame shows it, though it is close to now";
+  EXPECT_EQ(carried.back().capture, Time(99ms));
+}
+
 }  // namespace
 }  // namespace sightline::test

@@ -42,6 +42,17 @@ TEST_F(Row, SaysWhatGoesOn) {
   EXPECT_TRUE(weak.confirms(found(0.2, 0.1, 0.65, 0.8))) << "asking changes nothing";
 }
 
+TEST_F(Row, WhatDoesNotCountIsOnlyLookedAtAgain) {
+  for (int i = 0; i < 3; ++i) weak.keep(found(0.1 * i, 0, 0.65, 0.8));
+  ASSERT_NE(weak.newest(), nullptr);
+  EXPECT_EQ(to_seconds(weak.newest()->time - Time()), 0.2);
+  EXPECT_FALSE(weak.confirms(found(0.4, 0, 0.65, 0.8))) << "the first that counts";
+  weak.keep(found(0.5, 0.5, 0.65, 0.8));
+  EXPECT_TRUE(weak.confirms(found(0.6, 0, 0.65, 0.8))) << "it has waited";
+  weak.keep(Detection());
+  EXPECT_EQ(weak.newest(), nullptr);
+}
+
 TEST_F(Row, AnotherPlaceStartsItAnew) {
   EXPECT_FALSE(weak.confirms(found(0, 0, 0.65, 0.8)));
   EXPECT_FALSE(weak.confirms(found(0.2, 0.5, 0.65, 0.8))) << "faster than 1 m/s";

@@ -21,10 +21,11 @@ Detection ContourBelief::believe(const DetectorFrames& frames,
     return found;
   }
   const double agreement = agreement_of(contours.front(), time, colors);
-  const bool tells = !indistinct(contours);  // else what waits goes on waiting
+  const bool tells = !indistinct(contours, colors != nullptr ? agreement : 0);
   if (tells && moved_as_one(frames, contours, where, time, found)) return found;
   decide(frames, contours, where, agreement, colors != nullptr, found);
   const bool confirmed = tells && weak_.confirms(found);
+  if (!tells) weak_.keep(found);
   if (found.poses.empty()) return found;
   const double score = found.poses.front().evidence;
   const bool beyond_doubt = tells && clear(found, contours, agreement, colors != nullptr);
@@ -59,8 +60,9 @@ bool ContourBelief::clear(const Detection& found, const std::vector<ContourPose>
              (colors_agree ? kMaxSecondWithColors : kMaxSecond);
 }
 
-bool ContourBelief::indistinct(const std::vector<ContourPose>& contours) const {
-  return contours.front().cameras.size() >= 2 && model_.near_rotations().empty() &&
+bool ContourBelief::indistinct(const std::vector<ContourPose>& contours, double agreement) const {
+  const bool told = contours.front().score >= kClearContourScore && agreement >= kColorsTell;
+  return !told && contours.front().cameras.size() >= 2 && model_.near_rotations().empty() &&
          second_to_best(model_, contours, kOtherPlace) >= kIndistinctSecond;
 }
 
@@ -69,9 +71,10 @@ Detection ContourBelief::believe_again(const DetectorFrames& frames,
                                        Time time, const ColorVerifier* colors) {
   Detection none;
   none.time = time;
-  if (contours.empty() || promising() == nullptr || indistinct(contours)) return none;
+  if (contours.empty() || promising() == nullptr) return none;
   const double rival = promising()->runner_up;
   const double agreement = agreement_of(contours.front(), time, colors);
+  if (indistinct(contours, colors != nullptr ? agreement : 0)) return none;
   Detection moving = none;
   decide_moving(frames, contours, moving);
   if (moving_.continued_by(moving) && moving_.confirms(moving)) {
@@ -81,7 +84,10 @@ Detection ContourBelief::believe_again(const DetectorFrames& frames,
   Detection found = none;
   decide(frames, contours, where, agreement, colors != nullptr, found);
   found.runner_up = std::max(found.runner_up, rival);
-  if (!weak_.continued_by(found) || !weak_.confirms(found)) return none;
+  if (!weak_.continued_by(found)) return none;
+  const bool beyond_doubt = clear(found, contours, agreement, colors != nullptr);
+  if (!weak_.confirms(found) && !beyond_doubt) return none;
+  weak_.clear();
   moving_.clear();
   return found;
 }
@@ -90,7 +96,9 @@ bool ContourBelief::contradicts(const Detection& by_edges, const DetectorFrames&
                                 const std::vector<ContourPose>& contours,
                                 const ColorVerifier* colors) const {
   if (by_edges.poses.empty() || contours.empty()) return false;
-  if (indistinct(contours)) return true;
+  const double best_agrees =
+      colors != nullptr ? agreement_of(contours.front(), by_edges.time, colors) : 0;
+  if (indistinct(contours, best_agrees)) return true;
   if (colors == nullptr) return false;
   const DetectedPose& pose = by_edges.poses.front();
   if (colors->correlation(pose.world_from_object, pose.twist, by_edges.time) >= kFewColorsAgree) {

@@ -61,7 +61,8 @@ class ContourBelief {
              bool has_colors) const;
   /// Other poses at the place of the best are as good: nothing is known but that something is
   /// there. Of a nearly round object they may be turns of it, which are told apart later.
-  bool indistinct(const std::vector<ContourPose>& contours) const;
+  /// `agreement`: of the mesh's colors with the images at the best; 0: it has none.
+  bool indistinct(const std::vector<ContourPose>& contours, double agreement) const;
   static double agreement_of(const ContourPose& pose, Time time, const ColorVerifier* colors);
   void decide(const DetectorFrames& frames, const std::vector<ContourPose>& contours, Where where,
               double agreement, bool has_colors, Detection& found) const;

@@ -17,13 +17,19 @@ bool stands_out(const Detection& found) {
 }  // namespace
 
 bool WeakDetections::confirms(const Detection& found) {
-  if (found.poses.empty() || !follows(found)) row_.clear();
+  if (found.poses.empty() || !follows(found)) clear();
   if (found.poses.empty()) return false;
   row_.push_back(found);
   const size_t needed = std::all_of(row_.begin(), row_.end(), stands_out) ? 2 : 3;
-  if (row_.size() < needed) return false;
-  row_.clear();
+  if (row_.size() < needed + uncounted_) return false;
+  clear();
   return true;
+}
+
+void WeakDetections::keep(const Detection& found) {
+  if (found.poses.empty() || row_.size() > uncounted_) return;
+  row_.assign(1, found);
+  uncounted_ = 1;
 }
 
 Eigen::Vector3d WeakDetections::place(const Detection& found) const {

@@ -19,9 +19,15 @@ class WeakDetections {
   /// row that each stand out by score or from what is best elsewhere, or three, at places that fit
   /// steady motion. Nothing is remembered then.
   bool confirms(const Detection& found);
+  /// Adds what a search has found and what does not count, so that it is looked at again: unless
+  /// something else waits.
+  void keep(const Detection& found);
   /// What confirms() would take for the same object as the newest.
   bool continued_by(const Detection& found) const { return !found.poses.empty() && follows(found); }
-  void clear() { row_.clear(); }
+  void clear() {
+    row_.clear();
+    uncounted_ = 0;
+  }
   /// What waits to be found again; null: nothing. Until the next confirms() or clear().
   const Detection* newest() const { return row_.empty() ? nullptr : &row_.back(); }
 
@@ -34,6 +40,7 @@ class WeakDetections {
   Eigen::Vector3d center_;
   double radius_;
   std::vector<Detection> row_;  ///< of searches in a row, the newest last
+  size_t uncounted_ = 0;        ///< of them
 };
 
 }  // namespace sightline::observe
