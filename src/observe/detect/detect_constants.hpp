@@ -145,10 +145,10 @@ constexpr double kMinScoreAlone = 0.45;  // of what moves, below
 constexpr double kClearContourScore = 0.7, kClearContourMargin = 0.2;
 constexpr double kClearWithColors = 0.75;  // below, to 0.7, 6 of 36 were wrong
 // Or where all cameras show it and the second best of other poses, so far (of the radius) or so
-// much turned [rad] from it, has no more than this share of its rank. Of 1147 looks of one to four
-// cameras at 17 objects, and at 22 pairs with an object that is not there: the share is 0.43 to
-// 0.77 (quartiles) at right poses, 0.84 to 0.97 at wrong ones, 0.87 and more at those that are not
-// there. Where the share is larger than the last nothing is believed, but of what is nearly round.
+// much turned [rad] from it, has no more than this share of its rank: 0.41 to 0.77 (quartiles) at
+// 419 right bests, 0.83 to 0.96 at 69 wrong ones, 0.86 to 0.96 at 34 of objects that are not there
+// (docs/detection.md, "One pose or many"). Where the share is larger than the last nothing is
+// believed, but of what is nearly round.
 constexpr double kDistinctPlace = 0.12, kDistinctAngle = 0.14;
 constexpr double kMaxSecond = 0.65;
 constexpr double kMaxSecondWithColors = 0.85, kDistinctScoreWithColors = 0.55;
