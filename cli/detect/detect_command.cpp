@@ -171,8 +171,7 @@ void print(const Explanation& explanation) {
   print(explanation.best_is_right ? "best (ok):" : "best:", *explanation.at_best);
   fmt::print(
       "  score of the best {:.2f}, of the best at another place {:.2f} of that; rank of another "
-      "pose "
-      "at its place {:.2f} of its own\n",
+      "pose at its place {:.2f} of its own\n",
       explanation.best_score,
       explanation.best_score > 0 ? explanation.rival_score / explanation.best_score : 0.0,
       explanation.trace.second_share);

@@ -153,8 +153,8 @@ constexpr double kDistinctPlace = 0.12, kDistinctAngle = 0.14;
 constexpr double kMaxSecond = 0.65;
 constexpr double kMaxSecondWithColors = 0.85, kDistinctScoreWithColors = 0.55;
 constexpr double kIndistinctSecond = 0.9;
-// Nor of what scores kClearContourScore with colors that agree so well: a hammer, whose turns about
-// its handle differ little (0.7); the gun, taken for something else, has up to 0.5 there.
+// Nor of what scores kClearContourScore with colors that agree so well: live, hammer and stapler
+// were refused at 0.7 and 0.56; the gun, taken for something else, has up to 0.46 there.
 constexpr double kColorsTell = 0.55;
 constexpr double kWeakSpeed = 1.0, kWeakTurnRate = 3.0;
 constexpr double kAgainSpeed = 0.5;  // [m/s] as far as the look about its place goes

@@ -177,7 +177,7 @@ class ObjectDetector::Impl {
         frames_, verification_.by_edges(frames_, hits), mesh_colors.get(), &trace, kMaxPool);
     sort_by_rank(poses);
     if (colors != nullptr) weigh_by_colors(*colors, trace.time, kLeastColors, poses);
-    if (!poses.empty()) trace.second_share = second_to_best(model(), poses, kOtherPlace);
+    if (!poses.empty()) trace.second_share = second_to_best(model(), poses);
   }
 
   PoseAssessment assess(const Rigid3& world_from_object) const {
@@ -242,7 +242,7 @@ class ObjectDetector::Impl {
       }
     }
     frames_.magnify_about(starts, model());
-    // Edges cost less; where they do not tell, contours do.
+    // Edges cost less; where they do not tell, contours do: what edges had found has to score more.
     fit_and_judge(starts, judged);
     judge_.decide(frames_, judged, out);
     if (out.poses.empty()) {

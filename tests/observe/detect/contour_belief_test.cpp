@@ -6,6 +6,7 @@
 
 #include <numbers>
 
+#include "made_poses.hpp"
 #include "observe/detect/detect_constants.hpp"
 #include "observe/detect/judge/second_to_best.hpp"
 #include "support/scene_rig.hpp"
@@ -20,19 +21,8 @@ using Where = DetectorFrames::Where;
 
 constexpr ObjectId kObject(3);
 
-// A fitted pose that so many cameras score by its outline.
 ContourPose pose_of(const Rigid3& pose, double score, size_t cameras = 3) {
-  ContourPose out;
-  out.fit.motion.world_from_object = pose;
-  out.fit.cameras.resize(cameras);
-  for (CameraFit& camera : out.fit.cameras) {
-    camera.lines = camera.agreeing = 100;
-    camera.term.information = Matrix6::Identity();
-  }
-  out.cameras.assign(cameras, score);
-  out.score = joint_score(out.cameras);
-  out.rank = joint_rank(out.cameras, cameras);
-  return out;
+  return made_contour(pose, std::vector<double>(cameras, score));
 }
 
 // A creature before three cameras: what is said to be found there is made up.
@@ -72,12 +62,11 @@ class Belief : public testing::Test {
 std::shared_ptr<const ViewpointModel> Belief::views_;
 
 TEST_F(Belief, SecondIsTheBestOfThoseThatDiffer) {
-  const double reach = kOtherPlace;
   const auto moved = [&](double share) {
     return Rigid3(Eigen::Quaterniond::Identity(), {share * views_->radius(), 0, 0}) * here;
   };
   const auto second = [&](const std::vector<ContourPose>& poses) {
-    return second_to_best(*views_, poses, reach);
+    return second_to_best(*views_, poses);
   };
   EXPECT_EQ(second({pose_of(here, 0.8)}), 0);
   EXPECT_EQ(second({pose_of(here, 0.8), pose_of(here, 0.8), pose_of(moved(0.1), 0.8)}), 0)

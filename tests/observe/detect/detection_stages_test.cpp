@@ -6,6 +6,7 @@
 #include <numeric>
 #include <thread>
 
+#include "made_poses.hpp"
 #include "observe/detect/colors/color_silhouettes.hpp"
 #include "observe/detect/contour_search.hpp"
 #include "observe/detect/detect_constants.hpp"
@@ -311,20 +312,6 @@ TEST(PoseFitter, MovesOntoTheEdges) {
   EXPECT_EQ(fitter.fit_rotated(frames.fit_cameras(), fit.motion).size(), 23u);
 }
 
-// What a fit of all cameras comes to whose lines agree to this share.
-PoseFit made_fit(const Rigid3& pose, std::vector<double> shares) {
-  PoseFit out{{pose, Vector6::Zero()}, {}};
-  for (const double share : shares) {
-    CameraFit camera;
-    camera.lines = 100;
-    camera.agreeing = static_cast<int>(100 * share);
-    camera.contrast = 1;
-    camera.term.information = 100 * Matrix6::Identity();
-    out.cameras.push_back(camera);
-  }
-  return out;
-}
-
 class Judging : public ::testing::Test {
  protected:
   Judging() : frames(scene().frames()), judge(kObject, stage_options(), {0, 0, 0}, 0.05) {}
@@ -510,14 +497,6 @@ TEST(SectorContrast, AsksEachStretchForItsOwnOutside) {
   EXPECT_GT(contrast(20), colored + 0.1);
   EXPECT_GT(contrast(20), contrast(0) + 0.3);
   EXPECT_LE(contrast(40), 1);
-}
-
-// A pose that so many cameras score by its outline.
-ContourPose made_contour(const Rigid3& pose, std::vector<double> cameras) {
-  ContourPose out{made_fit(pose, cameras), cameras, 0};
-  out.rank = joint_rank(cameras, cameras.size());
-  out.score = joint_score(std::move(cameras));
-  return out;
 }
 
 TEST_F(Judging, ByContourAPoseNeedsAScoreAndNoRivalElsewhere) {

@@ -2,7 +2,6 @@
 #include "observe/detect/judge/contour_belief.hpp"
 
 #include <algorithm>
-#include <limits>
 
 #include "observe/detect/detect_constants.hpp"
 #include "observe/detect/judge/second_to_best.hpp"
@@ -49,21 +48,16 @@ bool ContourBelief::clear(const Detection& found, const std::vector<ContourPose>
     return true;
   }
   const std::vector<double>& cameras = contours.front().cameras;
-  if (cameras.size() < 2) {  // which does not tell its distance: all others are rivals
-    return score >= kMinContourScore && agreement >= kFewColorsAgree &&
-           second_to_best(model_, contours, std::numeric_limits<double>::infinity()) <= kMaxSecond;
-  }
-  if (std::ranges::min(cameras) < kMinCameraContour) return false;
+  if (cameras.size() < 2 || std::ranges::min(cameras) < kMinCameraContour) return false;
   const bool colors_agree = has_colors && agreement >= kColorsAgree;
   return score >= (colors_agree ? kDistinctScoreWithColors : kMinContourScore) &&
-         second_to_best(model_, contours, kOtherPlace) <=
-             (colors_agree ? kMaxSecondWithColors : kMaxSecond);
+         second_to_best(model_, contours) <= (colors_agree ? kMaxSecondWithColors : kMaxSecond);
 }
 
 bool ContourBelief::indistinct(const std::vector<ContourPose>& contours, double agreement) const {
   const bool told = contours.front().score >= kClearContourScore && agreement >= kColorsTell;
   return !told && contours.front().cameras.size() >= 2 && model_.near_rotations().empty() &&
-         second_to_best(model_, contours, kOtherPlace) >= kIndistinctSecond;
+         second_to_best(model_, contours) >= kIndistinctSecond;
 }
 
 Detection ContourBelief::believe_again(const DetectorFrames& frames,

@@ -56,7 +56,7 @@ class ContourBelief {
   }
 
  private:
-  /// Beyond doubt at once, `best` being the pose that `found` reports.
+  /// Whether `found`, the first of `contours`, is believed without a second look.
   bool clear(const Detection& found, const std::vector<ContourPose>& contours, double agreement,
              bool has_colors) const;
   /// Other poses at the place of the best are as good: nothing is known but that something is
