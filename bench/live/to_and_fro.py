@@ -22,11 +22,6 @@ from recording_tools import load_recording, read_csv, recording_argument, write_
 ENCODE_S = 1800
 
 
-def pass_order(count, passes):
-    """(image, pass) of each frame of a camera: 0 1 2 | 2 1 0 | 0 1 2 ... without what would be shown twice."""
-    return [(i if p % 2 == 0 else count - 1 - i, p) for p in range(passes) for i in range(count)]
-
-
 def pass_time(time, p, first_ns, last_ns):
     """When pass p shows what was taken at `time`: the middle of the turn is the first or last capture time of the rig."""
     length = last_ns - first_ns
@@ -42,15 +37,15 @@ def turned_rows(rows, column, passes, first_ns, last_ns):
             key = (time, row.get("camera"), row.get("object"))
             if key not in seen:
                 seen.add(key)
-                out.append((time, p, row))
-    return sorted(out, key=lambda entry: entry[0])
+                out.append((time, row))
+    return sorted(out, key=lambda timed: timed[0])
 
 
 def write_frames(recording, folder, passes, first_ns, last_ns):
     """frames.csv; returns for each camera which image each of its frames shows."""
     order, rows = {camera: [] for camera in recording.cameras}, []
     index = {camera: {seq: i for i, seq in enumerate(recording.capture_times(camera))} for camera in recording.cameras}
-    for time, _, row in turned_rows(recording.frames, "capture_ns", passes, first_ns, last_ns):
+    for time, row in turned_rows(recording.frames, "capture_ns", passes, first_ns, last_ns):
         camera = row["camera"]
         late = int(row["arrival_ns"]) - int(row["capture_ns"])
         rows.append({**row, "sequence": len(order[camera]), "capture_ns": time, "arrival_ns": time + late,
@@ -101,7 +96,7 @@ def to_and_fro(recording, folder, passes):
     for name in ("truth.csv", "keyframes.csv"):
         rows = read_csv(folder / name) if (folder / name).exists() else []
         if rows:
-            write_csv(folder / name, rows[0].keys(), [{**row, "t_ns": time} for time, _, row in turned_rows(
+            write_csv(folder / name, rows[0].keys(), [{**row, "t_ns": time} for time, row in turned_rows(
                 rows, "t_ns", passes, first_ns, last_ns)])
     for camera, video in recording.videos.items():
         write_video(recording.folder / video, folder / video, sizes[camera], order[camera])
