@@ -89,7 +89,7 @@ bool ObjectSearch::due(const Target& target, Time now, std::span<const PoseTrack
 bool ObjectSearch::missing(const Target& target, Time now, std::span<const PoseTrackPtr> tracks) {
   const size_t index = target.object.index();
   const PoseTrackPtr track = index < tracks.size() ? tracks[index] : nullptr;
-  if (!track || track->empty()) return true;
+  if (!track || track->empty() || target.proof.disbelieved()) return true;
   const PoseEstimate& newest = track->newest();
   if (!has_pose(newest.state)) return true;
   return newest.state == TrackState::kCoasting && now - newest.last_measured > kBlindAfter;
@@ -112,7 +112,8 @@ void ObjectSearch::find_known(Time time, std::span<const PoseTrackPtr> tracks, b
     if (index >= tracks.size() || !tracks[index]) continue;
     const PoseAt at = tracks[index]->at(time);
     if (at.source == PoseSource::kNone || !has_pose(at.estimate.state)) continue;
-    if (at.estimate.state == TrackState::kCoasting && !coasting) continue;
+    const bool doubtful = at.estimate.state == TrackState::kCoasting || target.proof.disbelieved();
+    if (doubtful && !coasting) continue;
     known_.push_back({target.views.get(), at.estimate.world_from_object});
   }
 }
@@ -261,7 +262,7 @@ std::vector<Observation> ObjectSearch::search(Time now, std::span<const PoseTrac
     check(*checked, now, tracks, out);
   } else if (next != nullptr) {
     set_others(*next, now, tracks);
-    search(*next, now, out);
+    search(*next, now, tracks, out);
   }
   return out;
 }
@@ -298,8 +299,10 @@ void ObjectSearch::check(Target& target, Time now, std::span<const PoseTrackPtr>
   const Rigid3& pose = at.estimate.world_from_object;
   OrientationComparison compared =
       target.detector->compare_orientations(pose, at.estimate.twist, now, target.colors.get());
-  log::debug("check: {}: {:.2f} in its orientation, {:.2f} in another", target.object.index(),
-             compared.here, compared.other);
+  log::debug("check: {} at {}: rank {:.2f}, nearby {:.2f}, colors {}; score {:.2f}, turned {:.2f}",
+             target.object.index(), now.time_since_epoch().count(), compared.rank,
+             compared.fitted_rank, compared.shows_colors ? "show" : "do not", compared.here,
+             compared.other);
   if (compared.here == 0 && compared.other == 0) {  // nowhere to be seen: nothing to hold back
     target.proof.let_pass();
     return;
@@ -316,6 +319,8 @@ void ObjectSearch::check(Target& target, Time now, std::span<const PoseTrackPtr>
       other = {};
       target.proof.begin_weakly();
     }
+  } else if (target.proof.wants_search(compared, now)) {
+    search_about(target, at.estimate, compared, now);
   }
   if (other.poses.empty()) return;
   target.found = std::move(other);
@@ -326,6 +331,17 @@ void ObjectSearch::check(Target& target, Time now, std::span<const PoseTrackPtr>
              57.3 * rotation_angle(pose, target.found.poses.front().world_from_object),
              1e3 * translation_distance(pose, target.found.poses.front().world_from_object));
   hand_out(target, out);
+}
+
+// A right pose comes out of a search that knows nothing of it; one that only its track comes to
+// does not.
+void ObjectSearch::search_about(Target& target, const PoseEstimate& pose,
+                                const OrientationComparison& compared, Time now) {
+  const PlaceSearch search =
+      target.detector->search_about(pose.world_from_object, pose.twist, now, target.colors.get());
+  log::debug("check: {} at {}: about its place {} of rank {:.2f}", target.object.index(),
+             now.time_since_epoch().count(), search.same ? "the same" : "another", search.rank);
+  target.proof.note_search(search, compared, now);
 }
 
 void ObjectSearch::hand_out(Target& target, std::vector<Observation>& out) const {
@@ -347,7 +363,19 @@ bool ObjectSearch::differs(const Target& target, const Rigid3& pose, const Detec
          target.views->angle_up_to_symmetry(pose, other) >= PoseProof::kSameOrientation;
 }
 
-void ObjectSearch::search(Target& target, Time now, std::vector<Observation>& out) {
+bool ObjectSearch::found_where_tracked(Target& target, std::span<const PoseTrackPtr> tracks) {
+  const size_t index = target.object.index();
+  if (target.found.poses.empty() || index >= tracks.size() || !tracks[index]) return false;
+  const PoseTrack& track = *tracks[index];
+  if (track.empty() || !has_pose(track.newest().state)) return false;
+  const PoseAt at = track.at(target.found.time);
+  const PoseEstimate& tracked = at.source == PoseSource::kNone ? track.newest() : at.estimate;
+  target.refutes = differs(target, tracked.world_from_object, target.found);
+  return !target.refutes;
+}
+
+void ObjectSearch::search(Target& target, Time now, std::span<const PoseTrackPtr> tracks,
+                          std::vector<Observation>& out) {
   if (!target.searched || now - target.last > target.pause + kForgotten) target.missing_since = now;
   target.last = now;
   target.searched = true;
@@ -363,7 +391,14 @@ void ObjectSearch::search(Target& target, Time now, std::vector<Observation>& ou
                        : look_everywhere(target);
   }
   if (!target.found.poses.empty()) target.told.reset();
-  target.proof.begin(target.found);
+  const bool disbelieved = target.proof.disbelieved();
+  if (disbelieved && found_where_tracked(target, tracks)) {
+    target.proof.note_found_again();
+    target.found = {};
+  } else if (!disbelieved || !target.found.poses.empty()) {
+    target.proof.begin(target.found);
+    checks_.refuted += target.refutes ? 1 : 0;
+  }
   SearchWork done = work();
   done -= before;
   target.pause = pause_after(target, now, done);

@@ -83,7 +83,7 @@ TEST(OrientationCheck, LeavesTheRightPoseAlone) {
   const Checked checked = follow_turned("drill", "drill", Eigen::Quaterniond::Identity());
   EXPECT_GE(checked.checks.done, 4u);
   EXPECT_EQ(checked.checks.refuted, 0u);
-  EXPECT_EQ(checked.doubted, 0);
+  EXPECT_LE(checked.doubted, 1) << "the first search about its place may not come to it";
 }
 
 TEST(OrientationCheck, FindsWhichWayItIs) {
@@ -109,6 +109,19 @@ TEST(OrientationCheck, FindsASpoutAtAnotherSide) {
     EXPECT_EQ(checked.checks.refuted, 1u) << angle;
     EXPECT_LT(checked.angle, 0.26) << angle;
     std::printf("turned by %.2f: refuted after %.2f s\n", angle, checked.refuted_after);
+  }
+}
+
+// Off by what no turn about one of its axes mends: a search about its place comes upon it.
+TEST(OrientationCheck, FindsWhatIsOffInAllRespects) {
+  for (const Eigen::Vector3d& axis : {Eigen::Vector3d(1, 2, 1), Eigen::Vector3d(-2, 1, 2)}) {
+    const Eigen::Quaterniond turn(Eigen::AngleAxisd(1.1, axis.normalized()));
+    const Checked checked = follow_turned("lamp", "clamp", turn, {0.02, -0.02, 0.01});
+    EXPECT_EQ(checked.checks.refuted, 1u);
+    EXPECT_GT(checked.doubted, 0);
+    EXPECT_TRUE(checked.all_refute);
+    EXPECT_LT(checked.angle, 0.26);
+    std::printf("off in all respects: refuted after %.2f s\n", checked.refuted_after);
   }
 }
 

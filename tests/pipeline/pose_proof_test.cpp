@@ -18,6 +18,7 @@ struct Proof : testing::Test {
     OrientationComparison out;
     out.here = here;
     out.other = other;
+    out.rank = out.fitted_rank = 0.6;
     const Eigen::Quaterniond rotation(Eigen::AngleAxisd(turn, Eigen::Vector3d::UnitZ()));
     out.best.poses.push_back(
         {Rigid3(rotation, Eigen::Vector3d::Zero()), Vector6::Zero(), other, 2});
@@ -25,7 +26,20 @@ struct Proof : testing::Test {
   }
   bool check(const OrientationComparison& comparison) {
     proof.count();
-    return proof.refuted_by(views(), Rigid3(), comparison);
+    now += std::chrono::seconds(1);
+    const bool refuted = proof.refuted_by(views(), Rigid3(), comparison);
+    searched = !refuted && proof.wants_search(comparison, now);
+    return refuted;
+  }
+  // A check of a pose of this rank, and a search about its place, if it asks for that.
+  void search(double rank, bool same, double found_rank) {
+    OrientationComparison comparison = says(0.7, 0.5);
+    comparison.rank = comparison.fitted_rank = rank;
+    (void)check(comparison);
+    PlaceSearch about;
+    about.same = same;
+    about.rank = found_rank;
+    if (searched) proof.note_search(about, comparison, now);
   }
   static Detection found(double score) {
     Detection out;
@@ -34,6 +48,8 @@ struct Proof : testing::Test {
     return out;
   }
   PoseProof proof;
+  Time now{};
+  bool searched = false;  ///< the last check has asked for it
 };
 
 TEST_F(Proof, OneCheckIsEnoughForWhatStoodOut) {
@@ -79,6 +95,74 @@ TEST_F(Proof, WhatChecksDoNotFindIsProvenAnew) {
   (void)check(says(0.7, 0.5));
   EXPECT_FALSE(proof.proven());
   (void)check(says(0.7, 0.5));
+  EXPECT_TRUE(proof.proven());
+}
+
+TEST_F(Proof, WhatDoesNotStandOutHasToBeFoundAgain) {
+  proof.begin(found(0.8));
+  (void)check(says(0.7, 0.5));
+  EXPECT_FALSE(searched) << "it stands out";
+  proof.begin(found(0.8));
+  search(0.2, true, 0.25);
+  EXPECT_TRUE(searched);
+  EXPECT_TRUE(proof.proven());
+}
+
+TEST_F(Proof, SomethingElseThatRanksMoreTakesTheClaimBack) {
+  proof.begin(found(0.8));
+  for (int i = 0; i < 2; ++i) search(0.2, true, 0.2);
+  ASSERT_TRUE(proof.proven());
+  search(0.2, false, 0.22);
+  EXPECT_TRUE(proof.proven()) << "hardly more";
+  search(0.2, false, 0.4);
+  EXPECT_FALSE(proof.proven());
+  EXPECT_FALSE(proof.disbelieved()) << "one alone";
+  search(0.2, false, 0.4);
+  EXPECT_TRUE(proof.disbelieved());
+  search(0.2, false, 0.4);
+  EXPECT_FALSE(searched) << "a search of everything takes its place";
+  proof.note_found_again();
+  EXPECT_FALSE(proof.disbelieved());
+  EXPECT_FALSE(proof.proven());
+  for (int i = 0; i < 2; ++i) search(0.2, true, 0.2);
+  EXPECT_TRUE(proof.proven());
+}
+
+TEST_F(Proof, WhatNothingElseOutranksIsClaimedInTheEnd) {
+  proof.begin(found(0.8));
+  for (int i = 0; i < 2; ++i) search(0.2, false, 0.2);
+  EXPECT_FALSE(proof.proven());
+  for (int i = 0; i < 2; ++i) search(0.2, false, 0.2);
+  EXPECT_TRUE(proof.proven());
+}
+
+TEST_F(Proof, WhatWasTakenForSomethingElseIsProvenByMore) {
+  proof.begin(found(0.8));
+  search(0.2, false, 0.4);
+  ASSERT_TRUE(proof.disbelieved());
+  proof.let_pass();
+  EXPECT_TRUE(proof.disbelieved()) << "out of view it is no better";
+  proof.begin(found(0.8));
+  EXPECT_FALSE(proof.disbelieved());
+  search(0.2, true, 0.2);
+  EXPECT_FALSE(proof.proven());
+  search(0.2, true, 0.2);
+  EXPECT_TRUE(proof.proven());
+}
+
+TEST_F(Proof, ColorsThatDoNotShowTakeTheClaimBack) {
+  proof.begin(found(0.8));
+  OrientationComparison comparison = says(0.7, 0.5);
+  (void)check(comparison);
+  ASSERT_TRUE(proof.proven());
+  comparison.shows_colors = false;
+  for (int i = 0; i < 3; ++i) (void)check(comparison);
+  EXPECT_TRUE(proof.proven()) << "a shadow, for a moment";
+  for (int i = 0; i < 3; ++i) (void)check(comparison);
+  EXPECT_FALSE(proof.proven());
+  EXPECT_FALSE(proof.disbelieved()) << "colors may be wrong";
+  comparison.shows_colors = true;
+  for (int i = 0; i < 3; ++i) (void)check(comparison);
   EXPECT_TRUE(proof.proven());
 }
 

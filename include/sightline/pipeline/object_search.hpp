@@ -137,11 +137,17 @@ class ObjectSearch {
   static bool missing(const Target& target, Time now, std::span<const PoseTrackPtr> tracks);
   bool tell(Message message);
   void take_messages();
-  void search(Target& target, Time now, std::vector<Observation>& out);
+  void search(Target& target, Time now, std::span<const PoseTrackPtr> tracks,
+              std::vector<Observation>& out);
+  /// Whether a search has found a target where its track has it. Elsewhere: it refutes that.
+  static bool found_where_tracked(Target& target, std::span<const PoseTrackPtr> tracks);
   static bool doubted(const Target& target);
   static bool check_due(const Target& target, Time now, std::span<const PoseTrackPtr> tracks);
   void check(Target& target, Time now, std::span<const PoseTrackPtr> tracks,
              std::vector<Observation>& out);
+  /// Whether a pose that does not stand out is found again about its place.
+  static void search_about(Target& target, const PoseEstimate& pose,
+                           const OrientationComparison& compared, Time now);
   /// Hands out what was found of a target.
   void hand_out(Target& target, std::vector<Observation>& out) const;
   static bool differs(const Target& target, const Rigid3& pose, const Detection& found);
@@ -159,7 +165,8 @@ class ObjectSearch {
   Detection look_everywhere(Target& target);
   /// Until the next search for it, after one that did such work and found target.found.
   Duration pause_after(Target& target, Time now, const SearchWork& work) const;
-  /// Objects whose place is known at a time; `coasting`: also those that are only predicted.
+  /// Objects whose place is known at a time; `coasting`: also those that are only
+  /// predicted or not believed.
   void find_known(Time time, std::span<const PoseTrackPtr> tracks, bool coasting);
 
   Duration interval_{};

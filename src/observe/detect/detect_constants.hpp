@@ -129,6 +129,8 @@ constexpr double kNoColorsAgree = 0.15, kMaxContourRivalWithoutColors = 0.6;
 // 0.4).
 constexpr double kFewColorsAgree = 0.25;
 constexpr double kOtherPlace = 1.0;  // of the radius
+// Of the radius; [rad]: a search about the place of a pose that is believed has found that pose.
+constexpr double kSameOfPlace = 0.25, kSameOfPlaceAngle = 0.35;
 // Overlap over union of the silhouettes of two things, mean over the cameras, that cannot both be
 // there: an irregular body turned at its place has more, beside it less (other_objects_test).
 constexpr double kTakenOverlap = 0.4;

@@ -10,6 +10,8 @@
 #include "observe/detect/contour_search.hpp"
 #include "observe/detect/detect_constants.hpp"
 #include "observe/detect/detector_frames.hpp"
+#include "observe/detect/judge/assess_pose.hpp"
+#include "observe/detect/judge/compare_orientations.hpp"
 #include "observe/detect/judge/contour_belief.hpp"
 #include "observe/detect/judge/detection_judge.hpp"
 #include "observe/detect/judge/measure_twists.hpp"
@@ -145,20 +147,23 @@ class ObjectDetector::Impl {
     looks_again_ = false;
     const Detection before = *belief_.promising();
     const Where where = order_.next(frames_, &before, false);
-    if (!frames_.select(where)) return out;
-    frames_.compute_responses(distances_.map_margin, DetectorFrames::Edges::kBorders);
     const Eigen::Vector3d center = before.poses.front().world_from_object * model().center();
-    const auto place = scan_.next_place(frames_, where, center, before.time);
-    if (!place) return out;
-    out.time = frames_.info(place->camera).capture;
-    frames_.set_reference(out.time);
-    const auto mesh_colors = colors_of(colors);
-    std::vector<ContourPose> contours =
-        search_contours(scan_.scan_about(frames_, *place), mesh_colors.get(), kPoolOfPlace);
-    if (colors != nullptr) weigh_by_colors(*colors, out.time, kLeastColors, contours);
+    const auto contours = contours_about(center, before.time, where, colors, out.time);
     out = belief_.believe_again(frames_, contours, where, out.time, colors);
     if (!out.poses.empty()) order_.note(where, true, false);
     forget_told();
+    return out;
+  }
+
+  PlaceSearch search_about(const RigMotion& motion, Time time, const ColorVerifier* colors) {
+    PlaceSearch out;
+    Time at{};
+    const Eigen::Vector3d center = motion.world_from_object * model().center();
+    const auto contours = contours_about(center, time, Where::kEverywhere, colors, at);
+    if (contours.empty()) return out;
+    const Rigid3 moved = Rigid3::exp(motion.twist * to_seconds(at - time));
+    out.rank = contours.front().rank;
+    out.same = is_same(model(), contours.front(), motion.world_from_object * moved);
     return out;
   }
 
@@ -181,27 +186,7 @@ class ObjectDetector::Impl {
   }
 
   PoseAssessment assess(const Rigid3& world_from_object) const {
-    PoseAssessment out;
-    const JointSearch joint(bank_, frames_.search_cameras(), executor_);
-    const PoseFit fit =
-        fitter_.fit(frames_.fit_cameras(), {world_from_object, Vector6::Zero()}, kFinalReach);
-    int cameras = 0;
-    for (size_t i = 0; i < frames_.size(); ++i) {
-      const double spread = joint.camera_score(i, world_from_object, JointSearch::Spread::kFar);
-      if (spread < 0) continue;
-      ++cameras;
-      out.spread_response += spread;
-      out.sharp_response += joint.camera_score(i, world_from_object, JointSearch::Spread::kNear);
-      out.edge_share += fit.cameras[i].share();
-      out.contrast += fit.cameras[i].contrast;
-    }
-    for (double* sum :
-         {&out.spread_response, &out.sharp_response, &out.edge_share, &out.contrast}) {
-      *sum /= std::max(1, cameras);
-    }
-    out.contour = contours_.evaluate(frames_, fit.motion).score;
-    out.evidence = judge_.judge(fit).evidence;
-    return out;
+    return assess_pose(bank_, frames_, fitter_, contours_, judge_, world_from_object);
   }
 
   Detection judge(const PoseProposals& proposals) {
@@ -257,26 +242,10 @@ class ObjectDetector::Impl {
 
   OrientationComparison compare_orientations(const RigMotion& motion, Time time,
                                              const ColorVerifier* colors) {
-    OrientationComparison out;
-    if (!frames_.select(Where::kEverywhere)) return out;
+    if (!frames_.select(Where::kEverywhere)) return {};
     frames_.set_reference(time);
-    std::vector<ContourPose> poses = contours_.compare(frames_, motion, fitter_.rotated(motion));
-    if (colors != nullptr) weigh_by_colors(*colors, time, kLeastColorsOfTurns, poses);
-    std::vector<ContourPose> others;
-    for (ContourPose& pose : poses) {
-      const Rigid3& fitted = pose.fit.motion.world_from_object;
-      if (center_distance(fitted, motion.world_from_object) > kOtherPlace * model().radius())
-        continue;
-      if (model().angle_up_to_symmetry(fitted, motion.world_from_object) < kSameFittedAngle) {
-        out.here = std::max(out.here, pose.score);
-      } else {
-        out.other = std::max(out.other, pose.score);
-        others.push_back(std::move(pose));
-      }
-    }
-    out.best.time = time;
-    if (!others.empty()) judge_.decide_by_contour(frames_, others, 0, 1, out.best);
-    return out;
+    return observe::compare_orientations({model(), frames_, fitter_, contours_, judge_}, motion,
+                                         time, colors);
   }
 
   SearchWork work() const {
@@ -305,6 +274,23 @@ class ObjectDetector::Impl {
     for (size_t i = 0; i < frames_.size(); ++i) images.push_back(&frames_.image(i));
     return std::make_unique<const MeshColors>(bank_, *color_templates_, frames_.search_cameras(),
                                               images, executor_);
+  }
+
+  // By contours, best first: of what is about the place that was the object's middle at `time`, in
+  // the newest image of the next camera, `at` that time. `at` untouched: none shows it.
+  std::vector<ContourPose> contours_about(const Eigen::Vector3d& center, Time time, Where where,
+                                          const ColorVerifier* colors, Time& at) {
+    if (!frames_.select(where)) return {};
+    frames_.compute_responses(distances_.map_margin, DetectorFrames::Edges::kBorders);
+    const auto place = scan_.next_place(frames_, where, center, time);
+    if (!place) return {};
+    at = frames_.info(place->camera).capture;
+    frames_.set_reference(at);
+    const auto mesh_colors = colors_of(colors);
+    std::vector<ContourPose> contours =
+        search_contours(scan_.scan_about(frames_, *place), mesh_colors.get(), kPoolOfPlace);
+    if (colors != nullptr) weigh_by_colors(*colors, at, kLeastColors, contours);
+    return contours;
   }
 
   double center_distance(const Rigid3& a, const Rigid3& b) const {
@@ -443,6 +429,10 @@ OrientationComparison ObjectDetector::compare_orientations(const Rigid3& world_f
                                                            const Vector6& twist, Time time,
                                                            const ColorVerifier* colors) {
   return impl_->compare_orientations({world_from_object, twist}, time, colors);
+}
+PlaceSearch ObjectDetector::search_about(const Rigid3& world_from_object, const Vector6& twist,
+                                         Time time, const ColorVerifier* colors) {
+  return impl_->search_about({world_from_object, twist}, time, colors);
 }
 SearchWork ObjectDetector::work() const { return impl_->work(); }
 

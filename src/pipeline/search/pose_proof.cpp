@@ -25,12 +25,26 @@ constexpr int kChecksOfWeak = 2;        // that have to pass before what scored 
 constexpr double kWeakScore = 0.7;
 constexpr int kChecksWithoutDoubt = 4;  // in a row, if another orientation scores as much
 constexpr int kDoubts = 2;              // checks in a row that end in a search
+// A pose that ranks more as it is needs no search about its place.
+constexpr double kPlainRank = 0.45;
+// A search about its place has found something else of so much its rank.
+constexpr double kOutdone = 1.15;
+// Log ratios of how often right and wrong poses give that (docs/detection.md, "Found again by
+// itself").
+constexpr double kFoundAgain = 2.5, kStandsOut = 1.5, kUndecided = 0.4, kOutdoneOdds = -4;
+constexpr double kLeastOdds = -5, kMostOdds = 3;  // what was long so may change
+constexpr double kClaimedOdds = 1, kDisbelievedOdds = -4;
+// The same by colors, where one check says what the next one does: it withholds, and proves
+// nothing.
+constexpr double kColorsShow = 1, kColorsDoNot = -1;
+constexpr double kLeastColorOdds = -4, kMostColorOdds = 2, kClaimedColorOdds = -2;
 
 }  // namespace
 
 void PoseProof::begin_again() {
   checks_ = passed_ = undoubted_ = 0;
   proven_ = false;
+  log_odds_ = std::min(log_odds_, 0.0);
 }
 
 void PoseProof::begin_weakly() {
@@ -38,9 +52,12 @@ void PoseProof::begin_weakly() {
   found_weakly_ = true;
 }
 
-// What stands out by little may err: it has to pass more checks.
+// What stands out by little may err: it has to pass more checks. So does what is found of an object
+// that was just taken for something else.
 void PoseProof::begin(const Detection& found) {
   begin_again();
+  log_odds_ /= 2;
+  color_odds_ = std::min(color_odds_ / 2, 0.0);
   forget_suspicion();
   if (found.poses.empty()) return;
   found_weakly_ = found.by_contour && found.poses.front().evidence < kWeakScore;
@@ -54,7 +71,8 @@ void PoseProof::forget_suspicion() {
 Duration PoseProof::pause(TrackState state) const {
   if (suspected()) return kSecondCheck;
   if (checks_ < kEarlyChecks) return kEarlyCheck;
-  return state == TrackState::kTracking ? kCheck : kDegradedCheck;
+  const bool settled = state == TrackState::kTracking && log_odds_ >= kMostOdds;
+  return settled ? kCheck : kDegradedCheck;
 }
 
 bool PoseProof::take_doubts() {
@@ -70,9 +88,42 @@ bool PoseProof::refuted_by(const ViewpointModel& views, const Rigid3& pose,
   return is_turned;
 }
 
+void PoseProof::let_pass() {
+  if (log_odds_ < 0) return;
+  proven_ = true;
+  log_odds_ = std::max(log_odds_, kClaimedOdds);
+}
+
+bool PoseProof::proven() const {
+  return proven_ && log_odds_ >= kClaimedOdds && color_odds_ >= kClaimedColorOdds;
+}
+bool PoseProof::disbelieved() const { return log_odds_ <= kDisbelievedOdds; }
+void PoseProof::note_found_again() { add_odds(kFoundAgain); }
+
+void PoseProof::add_odds(double log_ratio) {
+  log_odds_ = std::clamp(log_odds_ + log_ratio, kLeastOdds, kMostOdds);
+}
+
+bool PoseProof::wants_search(const OrientationComparison& compared, Time now) {
+  const bool plain = compared.rank >= kPlainRank;
+  if (plain) add_odds(kStandsOut);
+  if (disbelieved()) return false;
+  return !plain && (log_odds_ < kMostOdds || now - searched_ >= kCheck);
+}
+
+// Where time after time nothing is found that ranks more, the search is not good enough.
+void PoseProof::note_search(const PlaceSearch& search, const OrientationComparison& compared,
+                            Time now) {
+  searched_ = now;
+  const bool outdone = !search.same && search.rank > kOutdone * compared.fitted_rank;
+  add_odds(search.same ? kFoundAgain : outdone ? kOutdoneOdds : kUndecided);
+}
+
 // In a row, because a wrong orientation passes now and then. Of what stands still another one may
 // score more by a hair, every time: that is no reason to doubt it for ever.
 void PoseProof::note_passed(const OrientationComparison& compared) {
+  color_odds_ = std::clamp(color_odds_ + (compared.shows_colors ? kColorsShow : kColorsDoNot),
+                           kLeastColorOdds, kMostColorOdds);
   const bool passes = compared.other <= compared.here && compared.here >= kMinScoreHere;
   passed_ = passes ? passed_ + 1 : 0;
   undoubted_ = suspected() ? 0 : undoubted_ + 1;

@@ -98,6 +98,32 @@ TEST(ObjectDetector, FindsWhatMovesBetweenFreeRunningCameras) {
   }
 }
 
+TEST(ObjectDetector, ASearchAboutItsPlaceComesToThePoseThatIsThere) {
+  const TriangleMesh mesh = make_truck();
+  const SceneRig rig(search_scene(mesh, resting(turned(0.8, {1, 2, 3}, {0.03, -0.02, 0.01}))));
+  const auto detector = detector_for(rig, mesh);
+  add_frames(rig, *detector);
+  const Time now = rig.info_of(rig.shots().front()).capture;
+  const Rigid3 truth = rig.truth(now);
+  const PlaceSearch right = detector->search_about(truth, Vector6::Zero(), now);
+  EXPECT_TRUE(right.same);
+  const OrientationComparison as_it_is =
+      detector->compare_orientations(truth, Vector6::Zero(), now);
+  EXPECT_LE(as_it_is.rank, as_it_is.fitted_rank);
+  EXPECT_LT(right.rank, 1.3 * as_it_is.fitted_rank);
+
+  const Rigid3 wrong = truth * turned(0.9, {1, 1, 0}, {0, 0, 0});
+  const PlaceSearch other = detector->search_about(wrong, Vector6::Zero(), now);
+  EXPECT_FALSE(other.same);
+  EXPECT_NEAR(other.rank, right.rank, 0.1 * right.rank);
+  EXPECT_GT(other.rank,
+            1.3 * detector->compare_orientations(wrong, Vector6::Zero(), now).fitted_rank);
+  const PlaceSearch nowhere =
+      detector->search_about(truth * turned(0, {1, 0, 0}, {0, 0, 9}), Vector6::Zero(), now);
+  EXPECT_FALSE(nowhere.same);
+  EXPECT_EQ(nowhere.rank, 0);
+}
+
 TEST(ObjectDetector, LooksInTheVolumeOnly) {
   const TriangleMesh mesh = make_truck();
   const SceneRig rig(search_scene(mesh, resting(turned(0.8, {1, 2, 3}, {0.03, -0.02, 0.01}))));

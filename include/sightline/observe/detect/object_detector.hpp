@@ -11,6 +11,7 @@
 #include "sightline/observe/detect/color_verifier.hpp"
 #include "sightline/observe/detect/detection_trace.hpp"
 #include "sightline/observe/detect/detector_options.hpp"
+#include "sightline/observe/detect/pose_check.hpp"
 #include "sightline/observe/detect/search_hint.hpp"
 #include "sightline/observe/detect/search_work.hpp"
 #include "sightline/observe/shape/known_object.hpp"
@@ -20,13 +21,6 @@
 #include "sightline/observe/terms/pose_proposals.hpp"
 
 namespace sightline {
-
-/// How a pose that is believed compares with other orientations at its place, by contours.
-struct OrientationComparison {
-  double here = 0;   ///< score of the pose, 0 .. 1
-  double other = 0;  ///< of the best in another orientation that its shape can tell from this one
-  Detection best;    ///< that one, with its observations; empty: there is none
-};
 
 /// Finds one object anywhere in the images of a calibrated rig: from its mesh alone, without
 /// training or prior pose. Four stages:
@@ -107,6 +101,10 @@ class ObjectDetector {
   /// `time` with this twist (body frame). About 20 ms.
   OrientationComparison compare_orientations(const Rigid3& world_from_object, const Vector6& twist,
                                              Time time, const ColorVerifier* colors = nullptr);
+
+  /// Searches about the place of that pose as if nothing were known of it. About 0.2 s.
+  PlaceSearch search_about(const Rigid3& world_from_object, const Vector6& twist, Time time,
+                           const ColorVerifier* colors = nullptr);
 
   /// What all calls so far have done.
   SearchWork work() const;

@@ -5,7 +5,7 @@
 
 #include "sightline/base/time.hpp"
 #include "sightline/model/pose_track.hpp"
-#include "sightline/observe/detect/object_detector.hpp"
+#include "sightline/observe/detect/pose_check.hpp"
 #include "sightline/observe/shape/viewpoint_model.hpp"
 
 namespace sightline {
@@ -32,11 +32,20 @@ class PoseProof {
   bool refuted_by(const ViewpointModel& views, const Rigid3& pose,
                   const OrientationComparison& compared);
   /// It is nowhere to be seen: nothing to hold back.
-  void let_pass() { proven_ = true; }
+  void let_pass();
+  /// Whether a search about its place should say if it is found there by itself, too.
+  bool wants_search(const OrientationComparison& compared, Time now);
+  /// What that says: it is there, or something else that stands out more, or neither.
+  void note_search(const PlaceSearch& search, const OrientationComparison& compared, Time now);
+  /// A search of everything has found it where it is.
+  void note_found_again();
+  /// What searches about its place have found instead says that it is another thing, or nowhere
+  /// near: it is searched for as if nothing were known of it.
+  bool disbelieved() const;
   /// Checks in a row speak against it without naming another one; once.
   bool take_doubts();
 
-  bool proven() const { return proven_; }
+  bool proven() const;
   bool suspected() const { return suspicion_ || doubts_ > 0; }
   /// From one check to the next.
   Duration pause(TrackState state) const;
@@ -51,6 +60,7 @@ class PoseProof {
   bool turned(const ViewpointModel& views, const Rigid3& pose,
               const OrientationComparison& compared);
   void note_passed(const OrientationComparison& compared);
+  void add_odds(double log_ratio);
 
   bool found_weakly_ = false;  ///< it stood out by little, or checks did not find it
   int checks_ = 0;             ///< since it was found, or out of view
@@ -59,6 +69,10 @@ class PoseProof {
   bool proven_ = false;        ///< so many passed that it may be claimed
   int doubts_ = 0;             ///< checks in a row that speak against it
   std::optional<Suspicion> suspicion_ = std::nullopt;
+  /// Logarithm of the odds that it is right, by what searches find that know nothing of it.
+  double log_odds_ = 0;
+  Time searched_{};        ///< about its place, last
+  double color_odds_ = 0;  ///< the same, by the colors of its mesh
 };
 
 }  // namespace sightline
