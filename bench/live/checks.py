@@ -8,8 +8,8 @@ Replays recordings with truth from nothing, reads what each check of a pose has 
 prints for each object, and for all, the checks of poses that are right (within 5 cm + 5 deg), off (5 cm + 20 deg) and
 wrong: in how many the pose as it is ranks 0.45 and more, in how many one that is fitted from close by ranks 1.8 times
 as much, in how many the colors of the mesh do not show, how many searched about its place, and of those how many came
-to the pose itself and how many to another one of 1.15 times its rank. Symmetry is not considered: of what looks the same a wrong pose may be right. Longer recordings
-(bench/live/to_and_fro.py) say more."""
+to the pose itself and how many to another one of 1.15 times its rank. Symmetry is not considered: of what looks the
+same a wrong pose may be right. Longer recordings (bench/live/to_and_fro.py) say more."""
 import math
 import pathlib
 import re
@@ -90,9 +90,9 @@ def line(label, kind, said):
     same = sum(about[0] for _, about in searched)
     outdone = sum(not about[0] and about[1] > OUTDONE * nearby for nearby, about in searched)
     print(f"{label:20} {kind:6} checks {len(said):4}  stand out {sum(s[0] >= STANDS_OUT for s in said):4}  "
-          f"nearby ranks more {sum(s[1] > NEARBY * s[0] > 0 for s in said):3}  no colors {sum(not s[2] for s in said):3}  "
-          f"searched {len(searched):3}: "
-          f"the same {same:3}, another of more {outdone:3}")
+          f"nearby ranks more {sum(s[1] > NEARBY * s[0] > 0 for s in said):3}  "
+          f"no colors {sum(not s[2] for s in said):3}  "
+          f"searched {len(searched):3}: the same {same:3}, another of more {outdone:3}")
 
 
 def main():
