@@ -13,12 +13,13 @@ same a wrong pose may be right. Longer recordings (bench/live/to_and_fro.py) say
 import math
 import pathlib
 import re
+import shlex
 import subprocess
 import sys
 import tempfile
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
-from recording_tools import load_recording, object_name, read_csv, recording_parser, add_replay_option  # noqa: E402
+from recording_tools import add_replay_option, object_name, read_csv, recording_parser  # noqa: E402
 
 REPLAY_S = 1800
 CHECK = re.compile(r"check: (\d+) at (\d+): rank ([\d.]+), nearby ([\d.]+), colors (show|do not)")
@@ -53,15 +54,15 @@ def judged(pose, truth):
 
 
 def replayed(options, recording):
-    """The rows of the poses, and the log."""
+    """The rows of the poses, and the log, which goes to standard error."""
     with tempfile.TemporaryDirectory() as folder:
         poses = pathlib.Path(folder, "poses.csv")
-        command = [str(pathlib.Path(options.bin, "sightline")), "-v", "replay", str(recording.folder), "--poses",
-                   str(poses), *options.replay.split()]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=REPLAY_S, check=False)
+        command = [pathlib.Path(options.bin, "sightline"), "-v", "replay", recording.folder, "--poses", poses]
+        done = subprocess.run([*command, *shlex.split(options.replay)], capture_output=True, encoding="utf-8",
+                              errors="replace", timeout=REPLAY_S, check=False)
         if done.returncode:
-            sys.exit(f"{recording.name}: sightline replay failed: {done.stderr.strip()[-300:]}")
-        return read_csv(poses), done.stdout + done.stderr
+            sys.exit(f"{recording.name}: sightline replay exits with {done.returncode}: {done.stderr.strip()[-300:]}")
+        return read_csv(poses), done.stderr
 
 
 def nearest(rows, time):
@@ -99,6 +100,9 @@ def main():
     parser = recording_parser(__doc__)
     add_replay_option(parser)
     options = parser.parse_args()
+    for recording in options.recordings:
+        if not (recording.folder / "truth.csv").exists():
+            parser.error(f"{recording.folder}: has no truth.csv, which is what poses are compared with")
     total = {}
     for recording in options.recordings:
         for (name, kind), said in sorted(counted(options, recording).items()):

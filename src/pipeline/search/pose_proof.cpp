@@ -25,12 +25,13 @@ constexpr int kChecksOfWeak = 2;        // that have to pass before what scored 
 constexpr double kWeakScore = 0.7;
 constexpr int kChecksWithoutDoubt = 4;  // in a row, if another orientation scores as much
 constexpr int kDoubts = 2;              // checks in a row that end in a search
-// A pose that ranks more as it is needs no search about its place.
-constexpr double kPlainRank = 0.45;
+// A pose that ranks so much as it is needs no search about its place.
+constexpr double kRankThatStandsOut = 0.45;
 // A search about its place has found something else of so much its rank.
 constexpr double kOutdone = 1.15;
 // Log ratios of how often right and wrong poses give that (docs/detection.md, "Found again by
-// itself").
+// itself"). By that the third would be below 0, too; but what no search comes to, and nothing
+// outranks time after time, is right: the search is not good enough for it.
 constexpr double kFoundAgain = 2.5, kStandsOut = 1.5, kUndecided = 0.4, kOutdoneOdds = -4;
 constexpr double kLeastOdds = -5, kMostOdds = 3;  // what was long so may change
 constexpr double kClaimedOdds = 1, kDisbelievedOdds = -4;
@@ -105,13 +106,12 @@ void PoseProof::add_odds(double log_ratio) {
 }
 
 bool PoseProof::wants_search(const OrientationComparison& compared, Time now) {
-  const bool plain = compared.rank >= kPlainRank;
-  if (plain) add_odds(kStandsOut);
-  if (disbelieved()) return false;
-  return !plain && (log_odds_ < kMostOdds || now - searched_ >= kCheck);
+  const bool stands_out = compared.rank >= kRankThatStandsOut;
+  if (stands_out) add_odds(kStandsOut);
+  if (stands_out || disbelieved()) return false;
+  return log_odds_ < kMostOdds || now - searched_ >= kCheck;
 }
 
-// Where time after time nothing is found that ranks more, the search is not good enough.
 void PoseProof::note_search(const PlaceSearch& search, const OrientationComparison& compared,
                             Time now) {
   searched_ = now;
