@@ -112,8 +112,8 @@ TEST(OrientationCheck, FindsASpoutAtAnotherSide) {
   }
 }
 
-// Off by what no turn about one of its axes mends: a search about its place comes to something else,
-// and one of everything finds it.
+// Off by what no turn about one of its axes mends: a search about its place comes to something
+// else, and one of everything finds it.
 TEST(OrientationCheck, FindsWhatIsOffInAllRespects) {
   for (const Eigen::Vector3d& axis : {Eigen::Vector3d(1, 2, 1), Eigen::Vector3d(-2, 1, 2)}) {
     const Eigen::Quaterniond turn(Eigen::AngleAxisd(1.1, axis.normalized()));
