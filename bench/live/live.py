@@ -3,14 +3,16 @@
 """The daemon on recordings in real time, from nothing, judged by what it records itself:
 
     bench/live/live.py [--bin build/release/bin] [--runs N] [--modalities region,edge,texture] [--extra LINES]
-                       [--start SHARE] [--copies N] [--only CAMERA] [--unplugged CAMERA|first] [--compilers N] [--json] RECORDING ...
+                       [--start SHARE] [--copies N] [--only CAMERA] [--unplugged CAMERA|first] [--compilers N] [--keep FOLDER]
+                       [--json] RECORDING ...
 
 Each run starts sightlined with the recording's cameras played once at their own pace, lets it record its poses, maps
 their capture times back onto the recording's (frames.csv of both) and compares them with truth.csv or keyframes.csv
 (`sightline evaluate`). Prints a row per run and the medians, with the load average before it: a busy machine finds
 less. --start: each recording begins after this share of it, 0 to 0.9 (bench/offsets.py cuts it); --copies: every camera so many times (a rig of twice as many cameras); --only: the rig has this camera of the
 recording alone; --unplugged: this camera of every recording never gives a frame; --compilers: so many compilers run
-beside it. Exits 0 if every run could be judged, 1 if one could not (standard error says why; the others count), 2 for
+beside it; --keep: log and poses of the last run of each recording stay there (--extra '[daemon]
+log_level = "debug"' says what was searched and checked). Exits 0 if every run could be judged, 1 if one could not (standard error says why; the others count), 2 for
 bad input."""
 import contextlib
 import csv
@@ -19,6 +21,7 @@ import json
 import os
 import pathlib
 import re
+import shutil
 import signal
 import statistics
 import subprocess
@@ -219,7 +222,17 @@ def run(recording, unplugged, options):
         with compilers(options.compilers):
             play(options.bin, config, (max(times) - min(times)) * 1e-9, folder / "log")
         record = recorded_in(folder / "records", folder / "log")
-        return judge(options, recording, record, camera, folder, load)
+        judged = judge(options, recording, record, camera, folder, load)
+        keep(options.keep, recording.name, folder)
+        return judged
+
+
+def keep(target, name, folder):
+    """The log and the poses of a run, as NAME.log and NAME.csv; of several runs the last."""
+    if target:
+        target.mkdir(parents=True, exist_ok=True)
+        shutil.copy(folder / "log", target / f"{name}.log")
+        shutil.copy(folder / "poses.csv", target / f"{name}.csv")
 
 
 def print_run(summaries, table):
@@ -268,6 +281,7 @@ def parse_arguments():
     parser.add_argument("--only", default="", metavar="CAMERA")
     parser.add_argument("--unplugged", default="", metavar="CAMERA|first")
     parser.add_argument("--compilers", type=int, default=0)
+    parser.add_argument("--keep", type=pathlib.Path, metavar="FOLDER")
     options = parser.parse_args()
     if not 0 <= options.start <= 0.9:
         parser.error("--start: a share of the recording, 0 to 0.9")

@@ -51,10 +51,11 @@ class ObjectHint : public testing::Test {
     system_.fusion->stop();
   }
 
-  // Feeds frames until the condition holds; false: it does not within some ten seconds.
+  // Feeds frames until the condition holds; false: it does not within a minute (with sanitizers a
+  // search takes seconds).
   template <typename Condition>
   bool feed_until(const Condition& condition) {
-    for (int i = 0; i < 1000; ++i) {
+    for (const Time begin = MonotonicClock::now(); MonotonicClock::now() - begin < 60s;) {
       if (condition()) return true;
       const Time now = MonotonicClock::now();
       for (size_t camera = 0; camera < images_.size(); ++camera) {

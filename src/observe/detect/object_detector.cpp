@@ -14,6 +14,7 @@
 #include "observe/detect/judge/compare_orientations.hpp"
 #include "observe/detect/judge/contour_belief.hpp"
 #include "observe/detect/judge/detection_judge.hpp"
+#include "observe/detect/judge/log_search.hpp"
 #include "observe/detect/judge/measure_twists.hpp"
 #include "observe/detect/judge/second_to_best.hpp"
 #include "observe/detect/judge/taken_places.hpp"
@@ -125,6 +126,7 @@ class ObjectDetector::Impl {
       out.by_contour = same_place(out, by_contour);
     }
     order_.note(where, !out.poses.empty(), belief_.waiting() != nullptr);
+    log_search({judge_.object(), "searched", where}, model(), contours, out, belief_.waiting());
     looks_again_ = true;  // what is found here may yet be refused by its colors or its track
     forget_told();
     return out;
@@ -151,6 +153,7 @@ class ObjectDetector::Impl {
     const auto contours = contours_about(center, before.time, where, colors, out.time);
     out = belief_.believe_again(frames_, contours, where, out.time, colors);
     if (!out.poses.empty()) order_.note(where, true, false);
+    log_search({judge_.object(), "looked again", where}, model(), contours, out, belief_.waiting());
     forget_told();
     return out;
   }

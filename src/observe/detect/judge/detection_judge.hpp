@@ -34,6 +34,7 @@ class DetectionJudge {
                  double radius)
       : object_(object), options_(options), center_(center), radius_(radius) {}
 
+  ObjectId object() const { return object_; }
   /// So many objects that look the same are missing, too: as many other places may have as much.
   void expect(size_t alike) { alike_ = alike; }
 
