@@ -11,9 +11,9 @@ their capture times back onto the recording's (frames.csv of both) and compares 
 (`sightline evaluate`). Prints a row per run and the medians, with the load average before it: a busy machine finds
 less. --start: each recording begins after this share of it, 0 to 0.9 (bench/offsets.py cuts it); --copies: every camera so many times (a rig of twice as many cameras); --only: the rig has this camera of the
 recording alone; --unplugged: this camera of every recording never gives a frame; --compilers: so many compilers run
-beside it; --keep: log and poses of the last run of each recording stay there (--extra '[daemon]
-log_level = "debug"' says what was searched and checked). Exits 0 if every run could be judged, 1 if one could not (standard error says why; the others count), 2 for
-bad input."""
+beside it; --keep: log and poses of the last run of each recording stay there, also of one that could not be judged
+(--extra '[daemon]\nlog_level = "debug"', with a line break, says what was searched and checked). Exits 0 if every run
+could be judged, 1 if one could not (standard error says why; the others count), 2 for bad input."""
 import contextlib
 import csv
 import dataclasses
@@ -219,20 +219,21 @@ def run(recording, unplugged, options):
     with tempfile.TemporaryDirectory(prefix="sightline_live.") as name:
         folder = pathlib.Path(name)
         config = write_config(recording, unplugged, folder, options)
-        with compilers(options.compilers):
-            play(options.bin, config, (max(times) - min(times)) * 1e-9, folder / "log")
-        record = recorded_in(folder / "records", folder / "log")
-        judged = judge(options, recording, record, camera, folder, load)
-        keep(options.keep, recording.name, folder)
-        return judged
+        try:
+            with compilers(options.compilers):
+                play(options.bin, config, (max(times) - min(times)) * 1e-9, folder / "log")
+            record = recorded_in(folder / "records", folder / "log")
+            return judge(options, recording, record, camera, folder, load)
+        finally:
+            keep(options.keep, recording.name, folder)
 
 
 def keep(target, name, folder):
-    """The log and the poses of a run, as NAME.log and NAME.csv; of several runs the last."""
+    """What there is of log and poses of a run, as NAME.log and NAME.csv; of several runs the last."""
     if target:
-        target.mkdir(parents=True, exist_ok=True)
-        shutil.copy(folder / "log", target / f"{name}.log")
-        shutil.copy(folder / "poses.csv", target / f"{name}.csv")
+        for source, kept in (("log", f"{name}.log"), ("poses.csv", f"{name}.csv")):
+            with contextlib.suppress(FileNotFoundError):
+                shutil.copy(folder / source, target / kept)
 
 
 def print_run(summaries, table):
@@ -286,9 +287,11 @@ def parse_arguments():
     if not 0 <= options.start <= 0.9:
         parser.error("--start: a share of the recording, 0 to 0.9")
     try:
+        if options.keep:
+            options.keep.mkdir(parents=True, exist_ok=True)
         options.recordings = [seen_by(recording, options.only) for recording in options.recordings]
         return options, [unplugged_camera(recording, options.unplugged) for recording in options.recordings]
-    except ValueError as error:
+    except (OSError, ValueError) as error:
         parser.error(str(error))
 
 

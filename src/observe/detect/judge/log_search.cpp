@@ -17,6 +17,7 @@ std::string_view name_of(DetectorFrames::Where where) {
 void log_search(const LoggedSearch& search, const ViewpointModel& model,
                 const std::vector<ContourPose>& contours, const Detection& out,
                 const Detection* waiting) {
+  if (log::level() > log::Level::kDebug) return;
   if (contours.empty()) {
     log::debug("search: {} {}, {}: no pose", search.object.index(), search.what,
                name_of(search.where));
