@@ -8,7 +8,7 @@ Replays recordings with truth from nothing, reads what each check of a pose has 
 prints for each object, and for all, the checks of poses that are right (within 5 cm + 5 deg), off (5 cm + 20 deg) and
 wrong: in how many the pose as it is ranks 0.45 and more, in how many one that is fitted from close by ranks 1.8 times
 as much, in how many the colors of the mesh do not show, how many searched about its place, and of those how many came
-to the pose itself and how many to another one of 1.15 times its rank. Symmetry is not considered: of what looks the
+to the pose itself, how many so that no other there had 0.85 of its rank, and how many to another one of 1.15 times its rank. Symmetry is not considered: of what looks the
 same a wrong pose may be right. Longer recordings (bench/live/to_and_fro.py) say more."""
 import math
 import pathlib
@@ -23,20 +23,20 @@ from recording_tools import add_replay_option, object_name, read_csv, recording_
 
 REPLAY_S = 1800
 CHECK = re.compile(r"check: (\d+) at (\d+): rank ([\d.]+), nearby ([\d.]+), colors (show|do not)")
-SEARCH = re.compile(r"check: (\d+) at (\d+): about its place (the same|another) of rank ([\d.]+)")
-STANDS_OUT, NEARBY, OUTDONE = 0.45, 1.8, 1.15
+SEARCH = re.compile(r"check: (\d+) at (\d+): about its place (the same|another) of rank ([\d.]+), the next has ([\d.]+)")
+STANDS_OUT, NEARBY, OUTDONE, INDISTINCT = 0.45, 1.8, 1.15, 0.85
 
 
 def checks_of(log):
     """(object, time) to [rank, nearby, whether colors show, what a search about the place has found: None or
-    (same, rank)]."""
+    (same, rank, share of it that the next pose there has)]."""
     out = {}
     for line in log.splitlines():
         if m := CHECK.search(line):
             out[int(m[1]), int(m[2])] = [float(m[3]), float(m[4]), m[5] == "show", None]
         elif m := SEARCH.search(line):
             if (int(m[1]), int(m[2])) in out:
-                out[int(m[1]), int(m[2])][3] = (m[3] == "the same", float(m[4]))
+                out[int(m[1]), int(m[2])][3] = (m[3] == "the same", float(m[4]), float(m[5]))
     return out
 
 
@@ -88,12 +88,12 @@ def counted(options, recording):
 
 def line(label, kind, said):
     searched = [(nearby, about) for _, nearby, _, about in said if about]
-    same = sum(about[0] for _, about in searched)
+    same = [about[2] for _, about in searched if about[0]]
     outdone = sum(not about[0] and about[1] > OUTDONE * nearby for nearby, about in searched)
     print(f"{label:20} {kind:6} checks {len(said):4}  stand out {sum(s[0] >= STANDS_OUT for s in said):4}  "
           f"nearby ranks more {sum(s[1] > NEARBY * s[0] > 0 for s in said):3}  "
           f"no colors {sum(not s[2] for s in said):3}  "
-          f"searched {len(searched):3}: the same {same:3}, another of more {outdone:3}")
+          f"searched {len(searched):3}: the same {len(same):3} (no other has {INDISTINCT} of it: {sum(share < INDISTINCT for share in same):3}), another of more {outdone:3}")
 
 
 def main():

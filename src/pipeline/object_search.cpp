@@ -339,8 +339,9 @@ void ObjectSearch::search_about(Target& target, const PoseEstimate& pose,
                                 const OrientationComparison& compared, Time now) {
   const PlaceSearch search =
       target.detector->search_about(pose.world_from_object, pose.twist, now, target.colors.get());
-  log::debug("check: {} at {}: about its place {} of rank {:.2f}", target.object.index(),
-             now.time_since_epoch().count(), search.same ? "the same" : "another", search.rank);
+  log::debug("check: {} at {}: about its place {} of rank {:.2f}, the next has {:.2f} of that",
+             target.object.index(), now.time_since_epoch().count(),
+             search.same ? "the same" : "another", search.rank, search.second);
   target.proof.note_search(search, compared, now);
 }
 

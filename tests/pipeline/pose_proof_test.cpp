@@ -32,13 +32,14 @@ struct Proof : testing::Test {
     return refuted;
   }
   // A check of a pose of this rank, and a search about its place, if it asks for that.
-  void search(double rank, bool same, double found_rank) {
+  void search(double rank, bool same, double found_rank, double second = 0.5) {
     OrientationComparison comparison = says(0.7, 0.5);
     comparison.rank = comparison.fitted_rank = rank;
     (void)check(comparison);
     PlaceSearch about;
     about.same = same;
     about.rank = found_rank;
+    about.second = second;
     if (searched) proof.note_search(about, comparison, now);
   }
   static Detection found(double score) {
@@ -106,6 +107,17 @@ TEST_F(Proof, WhatDoesNotStandOutHasToBeFoundAgain) {
   search(0.2, true, 0.25);
   EXPECT_TRUE(searched);
   EXPECT_TRUE(proof.proven());
+}
+
+TEST_F(Proof, WhatIsFoundAgainAmongOthersAsGoodIsNoProof) {
+  proof.begin(found(0.8));
+  for (int i = 0; i < 10; ++i) search(0.2, true, 0.25, 0.95);
+  EXPECT_FALSE(proof.proven());
+  EXPECT_FALSE(proof.disbelieved()) << "nor does it speak against it";
+  search(0.2, true, 0.25, 0.7);
+  EXPECT_TRUE(proof.proven());
+  for (int i = 0; i < 10; ++i) search(0.2, true, 0.25, 0.95);
+  EXPECT_TRUE(proof.proven()) << "what one look has told holds";
 }
 
 TEST_F(Proof, SomethingElseThatRanksMoreTakesTheClaimBack) {

@@ -166,6 +166,7 @@ class ObjectDetector::Impl {
     if (contours.empty()) return out;
     const Rigid3 moved = Rigid3::exp(motion.twist * to_seconds(at - time));
     out.rank = contours.front().rank;
+    out.second = second_to_best(model(), contours);
     out.same = is_same(model(), contours.front(), motion.world_from_object * moved);
     return out;
   }

@@ -34,6 +34,9 @@ constexpr double kOutdone = 1.15;
 // outranks time after time, is right: the search is not good enough for it.
 constexpr double kFoundAgain = 2.5, kStandsOut = 1.5, kUndecided = 0.4, kOutdoneOdds = -4;
 constexpr double kLeastOdds = -5, kMostOdds = 3;  // what was long so may change
+// What a search has come to tells all where the next pose there has so much of its rank, nothing
+// where that has more.
+constexpr double kDistinct = 0.7, kIndistinct = 0.85;
 constexpr double kClaimedOdds = 1, kDisbelievedOdds = -4;
 // The same by colors, where one check says what the next one does: it withholds, and proves
 // nothing.
@@ -116,7 +119,9 @@ void PoseProof::note_search(const PlaceSearch& search, const OrientationComparis
                             Time now) {
   searched_ = now;
   const bool outdone = !search.same && search.rank > kOutdone * compared.fitted_rank;
-  add_odds(search.same ? kFoundAgain : outdone ? kOutdoneOdds : kUndecided);
+  const double distinct =
+      std::clamp((kIndistinct - search.second) / (kIndistinct - kDistinct), 0.0, 1.0);
+  add_odds(outdone ? kOutdoneOdds : distinct * (search.same ? kFoundAgain : kUndecided));
 }
 
 // In a row, because a wrong orientation passes now and then. Of what stands still another one may

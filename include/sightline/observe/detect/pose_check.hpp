@@ -20,6 +20,7 @@ struct OrientationComparison {
 struct PlaceSearch {
   bool same = false;  ///< the best of it is that pose
   double rank = 0;    ///< of the best, 0: there is none
+  double second = 0;  ///< rank of the best other pose there as a share of it, 0: there is none
 };
 
 }  // namespace sightline
