@@ -8,8 +8,9 @@ Replays recordings with truth from nothing, reads what each check of a pose has 
 prints for each object, and for all, the checks of poses that are right (within 5 cm + 5 deg), off (5 cm + 20 deg) and
 wrong: in how many the pose as it is ranks 0.45 and more, in how many one that is fitted from close by ranks 1.8 times
 as much, in how many the colors of the mesh do not show, how many searched about its place, and of those how many came
-to the pose itself, how many so that no other there had 0.85 of its rank, and how many to another one of 1.15 times its rank. Symmetry is not considered: of what looks the
-same a wrong pose may be right. Longer recordings (bench/live/to_and_fro.py) say more."""
+to the pose itself, how many so that no other there had 0.85 of its rank, and how many to another one of 1.15 times its
+rank. Symmetry is not considered: of what looks the same a wrong pose may be right. Longer recordings
+(bench/live/to_and_fro.py) say more."""
 import math
 import pathlib
 import re
@@ -23,7 +24,8 @@ from recording_tools import add_replay_option, object_name, read_csv, recording_
 
 REPLAY_S = 1800
 CHECK = re.compile(r"check: (\d+) at (\d+): rank ([\d.]+), nearby ([\d.]+), colors (show|do not)")
-SEARCH = re.compile(r"check: (\d+) at (\d+): about its place (the same|another) of rank ([\d.]+), the next has ([\d.]+)")
+SEARCH = re.compile(r"check: (\d+) at (\d+): about its place (the same|another) of rank ([\d.]+), "
+                    r"the next has ([\d.]+)")
 STANDS_OUT, NEARBY, OUTDONE, INDISTINCT = 0.45, 1.8, 1.15, 0.85
 
 
@@ -93,7 +95,8 @@ def line(label, kind, said):
     print(f"{label:20} {kind:6} checks {len(said):4}  stand out {sum(s[0] >= STANDS_OUT for s in said):4}  "
           f"nearby ranks more {sum(s[1] > NEARBY * s[0] > 0 for s in said):3}  "
           f"no colors {sum(not s[2] for s in said):3}  "
-          f"searched {len(searched):3}: the same {len(same):3} (no other has {INDISTINCT} of it: {sum(share < INDISTINCT for share in same):3}), another of more {outdone:3}")
+          f"searched {len(searched):3}: the same {len(same):3} (no other has {INDISTINCT} of it: "
+          f"{sum(share < INDISTINCT for share in same):3}), another of more {outdone:3}")
 
 
 def main():
