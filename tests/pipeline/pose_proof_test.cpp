@@ -120,6 +120,14 @@ TEST_F(Proof, WhatIsFoundAgainAmongOthersAsGoodIsNoProof) {
   EXPECT_TRUE(proof.proven()) << "what one look has told holds";
 }
 
+TEST_F(Proof, WhatIsFoundAgainAmongOthersNearlyAsGoodIsHalfAProof) {
+  proof.begin(found(0.8));
+  search(0.2, true, 0.25, 0.8);
+  EXPECT_FALSE(proof.proven());
+  search(0.2, true, 0.25, 0.8);
+  EXPECT_TRUE(proof.proven());
+}
+
 TEST_F(Proof, SomethingElseThatRanksMoreTakesTheClaimBack) {
   proof.begin(found(0.8));
   for (int i = 0; i < 2; ++i) search(0.2, true, 0.2);
