@@ -34,8 +34,8 @@ constexpr double kOutdone = 1.15;
 // outranks time after time, is right: the search is not good enough for it.
 constexpr double kFoundAgain = 2.5, kStandsOut = 1.5, kUndecided = 0.4, kOutdoneOdds = -4;
 constexpr double kLeastOdds = -5, kMostOdds = 3;  // what was long so may change
-// It counts in full where the next pose at that place has the first share of the best one's rank at
-// most, and not at all from the second share on.
+// Ratio test (Lowe 2004, section 7.1): it counts in full where the next pose at that place has the
+// first share of the best one's rank at most, and not at all from the second share on.
 constexpr double kDistinct = 0.7, kIndistinct = 0.85;
 constexpr double kClaimedOdds = 1, kDisbelievedOdds = -4;
 // The same by colors, where one check says what the next one does: it withholds, and proves
