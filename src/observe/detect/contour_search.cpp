@@ -18,7 +18,7 @@ namespace {
 // The contrast that a fit may tell is another one than that of contours.
 constexpr FitEffort kFullFit{8, kSampleStep, false};
 constexpr FitEffort kFollowingFit{8, kSampleStep, false, true, kRestOfSearch};
-constexpr FitEffort kQuickFit{5, kScreenedStep, false, false, kRestOfSearch};
+constexpr FitEffort kQuickFit{5, kScreenedStep, false, false, kRestOfSearch, true};
 // A twist that only the small differences of the cameras' capture times tell is six more numbers
 // for a wrong pose to fit by: wrong ones ended at 10 rad/s and 1.5 to 3 m/s (medians).
 constexpr FitEffort kSearchFit{8, kSampleStep, false, false, kRestOfSearch};
@@ -104,6 +104,12 @@ void sort_with_colors(std::vector<ContourPose>& poses, const MeshColors* colors,
   poses = std::move(sorted);
 }
 
+// How much a pose explains, where no second camera tells depth: see kExtentPower.
+double extent(const View& view, const CameraModel& lens, double distance) {
+  const double width = std::sqrt(static_cast<double>(view.area));
+  return std::pow(lens.parameters().fx * width / (distance * kUsualSizePx), kExtentPower);
+}
+
 }  // namespace
 
 void sort_by_rank(std::vector<ContourPose>& poses) {
@@ -128,11 +134,12 @@ double joint_rank(const std::vector<double>& cameras, size_t of) {
 ContourPose ContourSearch::scored(const DetectorFrames& frames, PoseFit fit,
                                   size_t sample_step) const {
   const ViewpointModel& model = bank_.model();
-  ContourPose out{std::move(fit), {}, 0, 0};
+  ContourPose out{std::move(fit), {}, 0, 0, 1};
   std::vector<double> ranks;
   for (size_t i = 0; i < frames.size(); ++i) {
     const Rigid3 here = out.fit.motion.at(frames.fit_cameras()[i].seconds);
-    const FitCamera& camera = fitter_.look(frames.fit_cameras()[i], here);
+    const bool rough = out.fit.cameras[i].pixel_size > frames.fit_cameras()[i].pixel_size;
+    const FitCamera& camera = fitter_.look(frames.fit_cameras()[i], here, rough);
     const CameraModel& lens = camera.camera->model;
     const Rigid3 camera_from_object = camera.camera_from_world * here;
     const auto pixel = lens.project(camera_from_object * model.center());
@@ -147,9 +154,13 @@ ContourPose ContourSearch::scored(const DetectorFrames& frames, PoseFit fit,
     out.cameras.back() = share * contrast;
     // By how many lines agree first: clutter gives contrast, too, but seldom edges all around.
     ranks.push_back(share * share * contrast);
+    if (frames.size() == 1) {
+      out.extent = extent(view, frames.fit_cameras()[i].camera->model,
+                          (camera_from_object * model.center()).norm());
+    }
   }
   out.score = joint_score(out.cameras);
-  out.rank = joint_rank(ranks, frames.size());
+  out.rank = out.extent * joint_rank(ranks, frames.size());
   return out;
 }
 
@@ -238,6 +249,17 @@ std::vector<ContourPose> ContourSearch::fit_promising(const DetectorFrames& fram
   return fit(frames, promising.motions(), kFinalReach, kSearchFit);
 }
 
+// One camera knows depth by size only, and what is small there is found by chance far more often
+// than what is large: each distance gets its share of what goes on.
+std::vector<JointPose> ContourSearch::of_each_distance(const DetectorFrames& frames,
+                                                       std::vector<JointPose> poses, size_t max,
+                                                       const KeepPoses& keep) const {
+  if (frames.size() > 1) return keep(std::move(poses), max);
+  const Rigid3& camera_from_world = frames.search_cameras().front().camera_from_world;
+  return keep_of_each_distance(poses, camera_from_world.inverse().translation,
+                               bank_.model().center(), max, keep);
+}
+
 // Those that stand out where they are, before anything is fitted.
 std::vector<JointPose> ContourSearch::screened(const DetectorFrames& frames,
                                                std::vector<JointPose> poses,
@@ -245,15 +267,19 @@ std::vector<JointPose> ContourSearch::screened(const DetectorFrames& frames,
                                                DetectionTrace* trace) const {
   const double radius = bank_.model().radius();
   const JointSearch joint(bank_, frames.search_cameras(), executor_);
+  const KeepPoses best_of = [](std::vector<JointPose> some, size_t most) {
+    keep_best(some, most);
+    return some;
+  };
   joint.climb(poses, JointSearch::Spread::kFar, 0.15, 0.25 * radius, 0);
   add_agreement(colors, poses, executor_);
-  keep_best(poses, kMaxClimbedOn);
+  poses = of_each_distance(frames, std::move(poses), kMaxClimbedOn, best_of);
   joint.climb(poses, JointSearch::Spread::kFar, 0.075, 0.125 * radius, 1);
   sort_by_score(poses);
   poses = thinned(poses, bank_.model().center(), 0.1 * radius, 0.12, kMaxPool);
   note(trace, "climbed", poses);
   add_agreement(colors, poses, executor_);
-  keep_best(poses, kMaxScreened);
+  poses = of_each_distance(frames, std::move(poses), kMaxScreened, best_of);
   executor_(poses.size(), [&](size_t i) {
     const RigMotion resting{poses[i].world_from_object, Vector6::Zero()};
     PoseFit here = fitter_.lines(frames.fit_cameras(), resting, kScreenedStep);
@@ -297,8 +323,11 @@ std::vector<ContourPose> ContourSearch::search(const DetectorFrames& frames,
                                                size_t pool) const {
   const double step = 0.25 * bank_.model().radius();
   add_agreement(colors, verified, executor_);
-  std::vector<JointPose> poses =
-      best_of_cells(std::move(verified), bank_.model().center(), step, 0.25, pool);
+  const Eigen::Vector3d& center = bank_.model().center();
+  std::vector<JointPose> poses = of_each_distance(
+      frames, std::move(verified), pool, [&](std::vector<JointPose> some, size_t max) {
+        return best_of_cells(std::move(some), center, step, 0.25, max);
+      });
   note(trace, "pool", poses);
   std::vector<RigMotion> starts;
   for (const JointPose& pose : screened(frames, std::move(poses), colors, trace)) {

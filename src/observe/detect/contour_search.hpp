@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "observe/detect/colors/mesh_colors.hpp"
+#include "observe/detect/colors/pose_pool.hpp"
 #include "observe/detect/detect_constants.hpp"
 #include "observe/detect/detector_frames.hpp"
 #include "observe/detect/joint_search.hpp"
@@ -21,7 +22,9 @@ struct ContourPose {
   /// object is not in the image.
   std::vector<double> cameras;
   double score = 0;  ///< joint_score() of them: what is believed goes by it
-  double rank = 0;   ///< which of several poses is the best goes by joint_rank()
+  double rank = 0;   ///< which of several poses is the best goes by joint_rank() times `extent`
+  /// One camera: how much of its image the pose explains, by the size of the object there; else 1.
+  double extent = 1;
 };
 
 /// Best first.
@@ -70,6 +73,9 @@ class ContourSearch {
                                double reach, const FitEffort& effort) const;
   /// Of the turns of a motion those that stand out most as they are.
   std::vector<RigMotion> best_turned(const DetectorFrames& frames, const RigMotion& motion) const;
+  std::vector<JointPose> of_each_distance(const DetectorFrames& frames,
+                                          std::vector<JointPose> poses, size_t max,
+                                          const KeepPoses& keep) const;
   std::vector<JointPose> screened(const DetectorFrames& frames, std::vector<JointPose> poses,
                                   const MeshColors* colors, DetectionTrace* trace) const;
   void add_variants(const DetectorFrames& frames, std::vector<ContourPose>& fits,

@@ -29,12 +29,15 @@ DetectorFrames::DetectorFrames(std::vector<DetectorCamera> cameras, const Detect
       executor_(std::move(executor)),
       slots_(cameras_.size()) {}
 
-void DetectorFrames::magnify_where_small(const SearchDistances& distances, double width) {
+void DetectorFrames::show_at_its_size(const SearchDistances& distances, double width) {
   for (size_t i = 0; i < cameras_.size(); ++i) {
     const CalibratedCamera& camera = cameras_[i].calibration;
-    const bool small =
-        camera.model.parameters().fx * width < kSmallObjectPx * distances.cameras[i].farthest;
+    const double px_times_distance = camera.model.parameters().fx * width;
+    const bool small = px_times_distance < kSmallObjectPx * distances.cameras[i].farthest;
     auto twice = small ? magnified(camera) : std::nullopt;
+    const bool large = px_times_distance >= kLargeObjectPx * distances.cameras[i].nearest;
+    auto half = large ? reduced(camera) : std::nullopt;
+    slots_[i].reduced = half ? std::make_unique<ReducedLook>(*std::move(half)) : nullptr;
     slots_[i].magnified = twice ? std::make_unique<MagnifiedLook>(*std::move(twice)) : nullptr;
   }
 }
@@ -140,6 +143,10 @@ void DetectorFrames::prepare(size_t i, Where where) {
   search.usual_speed = usual_speed_;
   fit_cameras_[i] = {&camera, search.camera_from_world, &image, &edges_[i], 0, foreground(i)};
   Slot& slot = slots_[active_[i]];
+  if (slot.reduced) {
+    slot.reduced->show(fit_cameras_[i], masks_[i]);
+    fit_cameras_[i].reduced = slot.reduced.get();
+  }
   if (!slot.magnified) return;
   slot.magnified->show(fit_cameras_[i], slot.frame, masks_[i]);
   fit_cameras_[i].magnified = slot.magnified.get();
@@ -191,6 +198,9 @@ void DetectorFrames::set_reference(Time reference) {
     if (MagnifiedLook* look = slots_[active_[i]].magnified.get()) {
       look->set_seconds(fit_cameras_[i].seconds);
     }
+    if (ReducedLook* look = slots_[active_[i]].reduced.get()) {
+      look->set_seconds(fit_cameras_[i].seconds);
+    }
     search_cameras_[i].seconds = fit_cameras_[i].seconds;
   }
 }
@@ -224,6 +234,7 @@ SearchWork DetectorFrames::work() const {
   SearchWork out = work_;
   for (const Slot& slot : slots_) {
     if (slot.magnified) out.images += slot.magnified->images();
+    if (slot.reduced) out.images += slot.reduced->images();
   }
   return out;
 }

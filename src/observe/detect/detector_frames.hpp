@@ -6,7 +6,8 @@
 #include <span>
 #include <vector>
 
-#include "observe/detect/magnified_look.hpp"
+#include "observe/detect/looks/magnified_look.hpp"
+#include "observe/detect/looks/reduced_look.hpp"
 #include "observe/detect/pixels/edge_maps.hpp"
 #include "observe/detect/pixels/frame_difference.hpp"
 #include "observe/detect/pixels/half_size_frame.hpp"
@@ -31,8 +32,9 @@ class DetectorFrames {
                  Executor executor = run_serially);
 
   /// From the next frames on: where an object of this width [m] may be small in the image of a
-  /// camera (kSmallObjectPx), FitCamera::magnified shows it at full size.
-  void magnify_where_small(const SearchDistances& distances, double width);
+  /// camera (kSmallObjectPx), FitCamera::magnified shows it at full size; where it may be large
+  /// (kLargeObjectPx), FitCamera::reduced at a quarter of it.
+  void show_at_its_size(const SearchDistances& distances, double width);
 
   /// See ObjectDetector::add_frame().
   void add(CameraId camera, const Frame& frame, const ForegroundMap* foreground);
@@ -91,6 +93,7 @@ class DetectorFrames {
     FrameDifference difference;
     std::vector<uint8_t> motion;               ///< empty: not known, or too little or too much
     std::unique_ptr<MagnifiedLook> magnified;  ///< null: the object is never small in it
+    std::unique_ptr<ReducedLook> reduced;      ///< null: it is never large in it
   };
   size_t needed() const;
   /// What the stages need of the i-th camera that takes part.

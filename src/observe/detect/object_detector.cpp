@@ -50,7 +50,7 @@ class ObjectDetector::Impl {
         judge_(object, options, model().center(), model().radius()),
         belief_(model(), judge_),
         order_(model().center(), model().radius()) {
-    frames_.magnify_where_small(distances_, fitter_.width());
+    frames_.show_at_its_size(distances_, fitter_.width());
   }
 
   void add_frame(CameraId camera, const Frame& frame, const ForegroundMap* foreground) {

@@ -7,7 +7,8 @@
 #include <optional>
 
 #include "observe/detect/detect_constants.hpp"
-#include "observe/detect/magnified_look.hpp"
+#include "observe/detect/looks/magnified_look.hpp"
+#include "observe/detect/looks/reduced_look.hpp"
 #include "observe/detect/pixels/outline_contrast.hpp"
 #include "observe/detect/pixels/sample_edges.hpp"
 #include "observe/detect/principal_rotations.hpp"
@@ -31,11 +32,16 @@ PoseFitter::PoseFitter(const ViewpointModel& model, Executor executor)
       rotations_(principal_rotations(model)),
       turns_(principal_turns(model)) {}
 
-const FitCamera& PoseFitter::look(const FitCamera& camera, const Rigid3& world_from_object) const {
-  if (camera.magnified == nullptr) return camera;
+const FitCamera& PoseFitter::look(const FitCamera& camera, const Rigid3& world_from_object,
+                                  bool rough) const {
+  if (camera.magnified == nullptr && (!rough || camera.reduced == nullptr)) return camera;
   const Rigid3 camera_from_object = camera.camera_from_world * world_from_object;
-  const double distance = (camera_from_object * model_.center()).norm();
-  if (camera.camera->model.parameters().fx * width_ >= kSmallObjectPx * distance) return camera;
+  const double size_px =
+      camera.camera->model.parameters().fx * width_ / (camera_from_object * model_.center()).norm();
+  if (rough && camera.reduced != nullptr && size_px >= kLargeObjectPx) {
+    return camera.reduced->camera();
+  }
+  if (camera.magnified == nullptr || size_px >= kSmallObjectPx) return camera;
   const FitCamera* magnified = camera.magnified->camera();
   return magnified != nullptr ? *magnified : camera;
 }
@@ -65,7 +71,7 @@ void PoseFitter::add_line(const Placement& at, const Eigen::Vector3d& point,
               weak_edge(*camera.edges, sample->pixel + *distance * sample->normal, sample->normal);
   }
   if (!distance) return;
-  const double near = camera.is_magnified ? kMagnifiedAgreementPx : kAgreementPx;
+  const double near = camera.pixel_size < 2 ? kMagnifiedAgreementPx : kAgreementPx;
   if (is_edge && std::abs(*distance) <= near) ++out.agreeing;
   // By the tangent of Rigid3: n^T J (-R [p]x, R) = ((p x g)^T, g^T) with g = R^T J^T n.
   const Eigen::Vector3d by_point =
@@ -102,7 +108,7 @@ CameraFit PoseFitter::fit_lines(const FitCamera& camera, const Rigid3& world_fro
              false, out);
   }
   out.term.quality = out.share();
-  out.magnified = camera.is_magnified;
+  out.pixel_size = camera.pixel_size;
   return out;
 }
 
@@ -123,7 +129,7 @@ PoseFit PoseFitter::fit(std::span<const FitCamera> cameras, const RigMotion& sta
   RigMotion& motion = out.motion;
   std::vector<const FitCamera*> looks;
   for (const FitCamera& camera : cameras) {
-    looks.push_back(&look(camera, start.at(camera.seconds)));
+    looks.push_back(&look(camera, start.at(camera.seconds), effort.rough));
   }
   for (int iteration = 0; iteration < effort.iterations; ++iteration) {
     const double reach_now = std::max(kFinalReach, reach * std::pow(0.8, iteration));
@@ -195,7 +201,7 @@ PoseFit PoseFitter::lines(std::span<const FitCamera> cameras, const RigMotion& m
   work_.looked_at += cameras.size();
   for (const FitCamera& camera : cameras) {
     const Rigid3 here = motion.at(camera.seconds);
-    out.cameras.push_back(fit_lines(look(camera, here), here, kFinalReach, 1.0, sample_step));
+    out.cameras.push_back(fit_lines(look(camera, here, true), here, kFinalReach, 1.0, sample_step));
   }
   return out;
 }

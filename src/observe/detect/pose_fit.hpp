@@ -19,6 +19,7 @@
 namespace sightline::observe {
 
 class MagnifiedLook;
+class ReducedLook;
 
 /// One camera's image at half size, and when it was taken.
 struct FitCamera {
@@ -30,16 +31,18 @@ struct FitCamera {
   const ForegroundMap* foreground = nullptr;  ///< of the image's size; null: not known
   /// The same with twice as many pixels, for poses at which the object is small; null: none.
   const MagnifiedLook* magnified = nullptr;
-  bool is_magnified = false;
+  /// With half as many, for poses at which it is large; null: none.
+  const ReducedLook* reduced = nullptr;
+  double pixel_size = 2;  ///< of the image and its edges [pixels of the camera]
 };
 
 /// What one camera says of a fitted pose.
 struct CameraFit {
-  int lines = 0;        ///< samples that project into the image
-  int agreeing = 0;     ///< that have an edge of their direction close by
-  double contrast = 0;  ///< see outline_contrast()
-  bool magnified = false;
-  LinearizedTerm term;  ///< at this camera's own time; `cost` and `information` of the lines
+  int lines = 0;          ///< samples that project into the image
+  int agreeing = 0;       ///< that have an edge of their direction close by
+  double contrast = 0;    ///< see outline_contrast()
+  double pixel_size = 2;  ///< of the image looked at
+  LinearizedTerm term;    ///< at this camera's own time; `cost` and `information` of the lines
   double share() const { return lines > 0 ? static_cast<double>(agreeing) / lines : 0; }
 };
 
@@ -55,6 +58,7 @@ struct FitEffort {
   bool contrast = true;              ///< CameraFit::contrast is asked for
   bool moved = false;                ///< since it was there: reaches as far where it is magnified
   double rest = 1;                   ///< weight of the prior that it rests
+  bool rough = false;                ///< where it is large, at a quarter of the image's size
 };
 
 /// Third stage of a detection: moves a pose and its twist onto the edges of all images. For every
@@ -81,15 +85,17 @@ class PoseFitter {
                                    const RigMotion& fitted) const;
   /// The same with CameraFit::contrast, which was not asked for.
   PoseFit with_contrast(std::span<const FitCamera> cameras, PoseFit fit) const;
-  /// What every n-th line says of a motion as it is; contrast is not asked for.
+  /// What every n-th line says of a motion as it is, roughly; contrast is not asked for.
   PoseFit lines(std::span<const FitCamera> cameras, const RigMotion& motion,
                 size_t sample_step) const;
   /// What the images say of a motion as it is.
   PoseFit evaluate(std::span<const FitCamera> cameras, const RigMotion& motion) const;
   /// Root of the mean area of the object's silhouette over all sides [m].
   double width() const { return width_; }
-  /// The camera to look with at a pose: magnified where the object is small there and noise allows.
-  const FitCamera& look(const FitCamera& camera, const Rigid3& world_from_object) const;
+  /// The camera to look with at a pose: magnified where the object is small there and noise allows;
+  /// `rough`: reduced where it is large.
+  const FitCamera& look(const FitCamera& camera, const Rigid3& world_from_object,
+                        bool rough = false) const;
   /// Fits, and poses looked at, so far. One thread at a time.
   const WorkMeter& work() const { return work_; }
 

@@ -40,7 +40,7 @@ struct FarScene {
     DetectorFrames out(cameras, detector);
     const PoseFitter fitter(*views);
     if (magnify) {
-      out.magnify_where_small(search_distances(cameras, views->radius(), detector), fitter.width());
+      out.show_at_its_size(search_distances(cameras, views->radius(), detector), fitter.width());
     }
     test::add_first_frames(rig,
                            [&](CameraId id, const Frame& frame) { out.add(id, frame, nullptr); });
@@ -119,8 +119,8 @@ TEST(Magnified, OnlyWhereTheObjectIsSmall) {
   near.nearest = 0.1;
   near.farthest = 0.2;
   DetectorFrames large(scene().cameras, near);
-  large.magnify_where_small(search_distances(scene().cameras, scene().views->radius(), near),
-                            fitter.width());
+  large.show_at_its_size(search_distances(scene().cameras, scene().views->radius(), near),
+                         fitter.width());
   test::add_first_frames(scene().rig,
                          [&](CameraId id, const Frame& frame) { large.add(id, frame, nullptr); });
   ASSERT_TRUE(large.select(DetectorFrames::Where::kEverywhere));
@@ -133,7 +133,7 @@ TEST(Magnified, NotWhereNoiseWouldHideTheEdges) {
   const test::SceneRig noisy(options);
   DetectorFrames frames(test::detector_cameras(noisy), scene().detector);
   const PoseFitter fitter(*scene().views);
-  frames.magnify_where_small(
+  frames.show_at_its_size(
       search_distances(scene().cameras, scene().views->radius(), scene().detector), fitter.width());
   test::add_first_frames(noisy,
                          [&](CameraId id, const Frame& frame) { frames.add(id, frame, nullptr); });
@@ -151,7 +151,7 @@ TEST(Magnified, FitsAreNearerToTheTruth) {
     for (const double angle : {-0.06, 0.06}) {
       const Rigid3 start = scene().truth * turned(angle, {1, 0, 1}, {0.004, 0.003, -0.004});
       const PoseFit fit = fitter.fit(frames.fit_cameras(), {start, Vector6::Zero()}, kSearchReach);
-      for (const CameraFit& camera : fit.cameras) EXPECT_EQ(camera.magnified, magnify);
+      for (const CameraFit& camera : fit.cameras) EXPECT_EQ(camera.pixel_size < 2, magnify);
       error[magnify] += rotation_angle(fit.motion.world_from_object, scene().truth);
     }
   }
@@ -185,7 +185,7 @@ TEST(Magnified, ReachesAsFarForWhatHasMoved) {
 TEST(Magnified, ForegroundIsThatOfTheHalfSize) {
   DetectorFrames frames(scene().cameras, scene().detector);
   const PoseFitter fitter(*scene().views);
-  frames.magnify_where_small(
+  frames.show_at_its_size(
       search_distances(scene().cameras, scene().views->radius(), scene().detector), fitter.width());
   ForegroundMap map;
   test::add_first_frames(scene().rig, [&](CameraId id, const Frame& frame) {

@@ -186,5 +186,30 @@ TEST(PosePool, ACellIsTakenOnceByEachOrder) {
   EXPECT_EQ(best_of_cells(poses, Eigen::Vector3d::Zero(), 1, 0.2, 6).size(), 1u);
 }
 
+TEST(PosePool, EachDistanceHasItsShare) {
+  // Ten poses at 1 m, the best, three at 2 m and one at 4 m.
+  std::vector<JointPose> poses = row_of_poses(14);
+  for (size_t i = 0; i < poses.size(); ++i) {
+    poses[i].world_from_object.translation = {0, 0, i < 10 ? 1.0 : i < 13 ? 2.0 : 4.0};
+  }
+  const auto best = [](std::vector<JointPose> some, size_t max) {
+    keep_best(some, max);
+    return some;
+  };
+  const auto kept = [&](size_t max) {
+    std::vector<double> scores;
+    for (const JointPose& pose : keep_of_each_distance(poses, Eigen::Vector3d::Zero(),
+                                                       Eigen::Vector3d::Zero(), max, best)) {
+      scores.push_back(pose.score);
+    }
+    std::ranges::sort(scores, std::greater<>());
+    return scores;
+  };
+  EXPECT_EQ(kept(3), (std::vector<double>{14, 4, 1}));
+  // What the farthest does not need the others have.
+  EXPECT_EQ(kept(7), (std::vector<double>{14, 13, 12, 4, 3, 2, 1}));
+  EXPECT_EQ(kept(20).size(), 14u);
+}
+
 }  // namespace
 }  // namespace sightline::observe

@@ -4,8 +4,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <numeric>
 #include <set>
+
+#include "observe/detect/detect_constants.hpp"
 
 namespace sightline::observe {
 namespace {
@@ -54,6 +57,28 @@ std::vector<JointPose> thinned(std::span<const JointPose> poses, const Eigen::Ve
     for (int i = 0; i < 4; ++i)
       cell[static_cast<size_t>(3 + i)] = static_cast<int>(std::lround(q[i]));
     if (taken.insert(cell).second) out.push_back(pose);
+  }
+  return out;
+}
+
+std::vector<JointPose> keep_of_each_distance(std::span<const JointPose> poses,
+                                             const Eigen::Vector3d& eye,
+                                             const Eigen::Vector3d& center, size_t max,
+                                             const KeepPoses& keep) {
+  std::map<int, std::vector<JointPose>> by_step;
+  for (const JointPose& pose : poses) {
+    const double distance = (pose.world_from_object * center - eye).norm();
+    by_step[static_cast<int>(std::floor(std::log(distance) / std::log(kDistanceStep)))].push_back(
+        pose);
+  }
+  std::vector<std::vector<JointPose>> some;
+  for (auto& [step, there] : by_step) some.push_back(std::move(there));
+  std::stable_sort(some.begin(), some.end(),
+                   [](const auto& a, const auto& b) { return a.size() < b.size(); });
+  std::vector<JointPose> out;
+  for (size_t i = 0; i < some.size(); ++i) {
+    const size_t share = (max - out.size()) / (some.size() - i);
+    for (JointPose& pose : keep(std::move(some[i]), share)) out.push_back(std::move(pose));
   }
   return out;
 }

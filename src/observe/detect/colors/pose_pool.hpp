@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -33,5 +34,14 @@ void keep_best(std::vector<JointPose>& poses, size_t max);
 /// The same of many, thinned(): first those by score.
 std::vector<JointPose> best_of_cells(std::vector<JointPose> poses, const Eigen::Vector3d& center,
                                      double place_step, double angle_step, size_t max);
+
+/// Chooses at most so many of some poses.
+using KeepPoses = std::function<std::vector<JointPose>(std::vector<JointPose>, size_t max)>;
+/// The same of each distance from an eye, in steps of kDistanceStep: as many of each, at most `max`
+/// of all; what one does not need the others have.
+std::vector<JointPose> keep_of_each_distance(std::span<const JointPose> poses,
+                                             const Eigen::Vector3d& eye,
+                                             const Eigen::Vector3d& center, size_t max,
+                                             const KeepPoses& keep);
 
 }  // namespace sightline::observe

@@ -119,7 +119,7 @@ void DetectionJudge::decide_by_contour(const DetectorFrames& frames,
   for (const ContourPose& pose : poses) {
     const Eigen::Vector3d center = pose.fit.motion.world_from_object * center_;
     if ((center - place).norm() > kOtherPlace * radius_) {
-      rivals.add(center, pose.score);
+      rivals.add(center, pose.score * pose.extent / best.extent);
     } else if (pose.score >= options_.margin * best.score) {
       here.push_back({pose.fit, pose.score, pose.score, 0, nullptr, pose.cameras});
     }
@@ -189,7 +189,7 @@ LinearizedTerm DetectionJudge::measurement(const DetectorFrames& frames, size_t 
 // worth. All cameras were fitted together, so the gradient is zero.
 LinearizedTerm DetectionJudge::measurement(const CameraFit& fit) const {
   LinearizedTerm out;
-  const double sigma = fit.magnified ? options_.sigma_px : options_.sigma_px / 2;  // of its pixels
+  const double sigma = options_.sigma_px / fit.pixel_size;  // of its pixels
   out.information = fit.term.information * (options_.independent / (sigma * sigma));
   out.residuals = std::max(6, static_cast<int>(options_.independent * fit.agreeing));
   out.cost = 0.5 * out.residuals;

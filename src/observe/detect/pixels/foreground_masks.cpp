@@ -44,4 +44,30 @@ void magnify(const ForegroundMap& from, int width, int height, ForegroundMap& to
   magnify(from.classes, from.width, from.height, width, height, to.classes);
 }
 
+void reduce(const std::vector<uint8_t>& from, int from_width, int from_height,
+            std::vector<uint8_t>& to) {
+  const int width = from_width / 2, height = from_height / 2;
+  to.resize(static_cast<size_t>(width) * static_cast<size_t>(height));
+  for (int y = 0; y < height; ++y) {
+    const uint8_t* above = from.data() + static_cast<ptrdiff_t>(2 * y) * from_width;
+    const uint8_t* below = above + from_width;
+    uint8_t* out = to.data() + static_cast<ptrdiff_t>(y) * width;
+    for (int x = 0; x < width; ++x) {
+      out[x] = above[2 * x] | above[2 * x + 1] | below[2 * x] | below[2 * x + 1];
+    }
+  }
+}
+
+void reduce(const ForegroundMap& from, ForegroundMap& to) {
+  to.width = from.width / 2;
+  to.height = from.height / 2;
+  to.share = from.share;
+  to.classes.resize(static_cast<size_t>(to.width) * static_cast<size_t>(to.height));
+  for (int y = 0; y < to.height; ++y) {
+    const uint8_t* row = from.row(2 * y);
+    uint8_t* out = to.classes.data() + static_cast<ptrdiff_t>(y) * to.width;
+    for (int x = 0; x < to.width; ++x) out[x] = row[2 * x];
+  }
+}
+
 }  // namespace sightline::observe

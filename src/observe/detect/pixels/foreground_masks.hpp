@@ -17,4 +17,10 @@ void magnify(const std::vector<uint8_t>& from, int from_width, int from_height, 
 /// The map in twice as many pixels in each direction, as many as an image of this size has.
 void magnify(const ForegroundMap& from, int width, int height, ForegroundMap& to);
 
+/// A mask in half as many pixels in each direction: 1 where any of the four is.
+void reduce(const std::vector<uint8_t>& from, int from_width, int from_height,
+            std::vector<uint8_t>& to);
+/// The map in half as many pixels in each direction: the first of the four.
+void reduce(const ForegroundMap& from, ForegroundMap& to);
+
 }  // namespace sightline::observe

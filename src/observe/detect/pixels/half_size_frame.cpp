@@ -25,6 +25,23 @@ void repeat_plane(const PlaneView& from, int width, const PixelBox& box, std::ve
   }
 }
 
+// The camera with so many times as many pixels.
+std::optional<CalibratedCamera> scaled(CalibratedCamera camera, int width, int height,
+                                       double factor) {
+  CameraModel::Parameters lens = camera.model.parameters();
+  lens.width = width;
+  lens.height = height;
+  lens.fx *= factor;
+  lens.fy *= factor;
+  lens.cx = factor * (lens.cx + 0.5) - 0.5;  // (0, 0) is the center of a pixel
+  lens.cy = factor * (lens.cy + 0.5) - 0.5;
+  camera.rms_px *= factor;
+  const auto model = CameraModel::create(lens, camera.name);
+  if (!model) return std::nullopt;
+  camera.model = *model;
+  return camera;
+}
+
 }  // namespace
 
 bool HalfSizeFrame::can_store(const Frame& frame, const CameraModel& camera) {
@@ -64,18 +81,31 @@ void HalfSizeFrame::magnify(HalfSizeImage& to, const PixelBox& box) const {
 }
 
 std::optional<CalibratedCamera> magnified(CalibratedCamera camera) {
-  CameraModel::Parameters lens = camera.model.parameters();
-  lens.width *= 2;
-  lens.height *= 2;
-  lens.fx *= 2;
-  lens.fy *= 2;
-  lens.cx = 2 * lens.cx + 0.5;  // (0, 0) is the center of a pixel
-  lens.cy = 2 * lens.cy + 0.5;
-  camera.rms_px *= 2;
-  const auto model = CameraModel::create(lens, camera.name);
-  if (!model) return std::nullopt;
-  camera.model = *model;
-  return camera;
+  const CameraModel::Parameters& lens = camera.model.parameters();
+  return scaled(std::move(camera), 2 * lens.width, 2 * lens.height, 2);
+}
+
+std::optional<CalibratedCamera> reduced(CalibratedCamera camera) {
+  const CameraModel::Parameters& lens = camera.model.parameters();
+  return scaled(std::move(camera), lens.width / 2, lens.height / 2, 0.5);
+}
+
+void reduce(const HalfSizeImage& from, HalfSizeImage& to) {
+  to.width = from.width / 2;
+  to.height = from.height / 2;
+  to.in_color = from.in_color;
+  for (size_t plane = 0; plane < from.planes.size(); ++plane) {
+    to.planes[plane].resize(static_cast<size_t>(to.width) * static_cast<size_t>(to.height));
+    for (int y = 0; y < to.height; ++y) {
+      const uint8_t* above = from.row(plane, 2 * y);
+      const uint8_t* below = from.row(plane, 2 * y + 1);
+      uint8_t* out = to.planes[plane].data() + static_cast<ptrdiff_t>(y) * to.width;
+      for (int x = 0; x < to.width; ++x) {
+        const int sum = above[2 * x] + above[2 * x + 1] + below[2 * x] + below[2 * x + 1];
+        out[x] = static_cast<uint8_t>((sum + 2) / 4);
+      }
+    }
+  }
 }
 
 }  // namespace sightline::observe

@@ -49,5 +49,10 @@ struct HalfSizeFrame {
 /// The camera with twice as many pixels in each direction: what it sees at half size is the image
 /// as it is. Empty where that is more than a CameraModel can have.
 std::optional<CalibratedCamera> magnified(CalibratedCamera camera);
+/// The camera with half as many: what it sees at half size is a quarter of the image's size. Empty
+/// where that is less than a CameraModel can have.
+std::optional<CalibratedCamera> reduced(CalibratedCamera camera);
+/// An image with half as many pixels in each direction: the means of four.
+void reduce(const HalfSizeImage& from, HalfSizeImage& to);
 
 }  // namespace sightline::observe

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "observe/detect/magnified_look.hpp"
+#include "observe/detect/looks/magnified_look.hpp"
 
 #include <algorithm>
 
@@ -22,7 +22,7 @@ void MagnifiedLook::show(const FitCamera& half, const HalfSizeFrame& frame,
   camera_.edges = &edges_;
   camera_.seconds = half.seconds;
   camera_.foreground = half_foreground_ != nullptr ? &foreground_ : nullptr;
-  camera_.is_magnified = true;
+  camera_.pixel_size = half.pixel_size / 2;
   made_ = false;
 }
 
