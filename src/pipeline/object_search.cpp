@@ -267,84 +267,6 @@ std::vector<Observation> ObjectSearch::search(Time now, std::span<const PoseTrac
   return out;
 }
 
-// A print says which side is which all the time.
-bool ObjectSearch::check_due(const Target& target, Time now, std::span<const PoseTrackPtr> tracks) {
-  const size_t index = target.object.index();
-  if (target.printed || index >= tracks.size() || !tracks[index] || tracks[index]->empty()) {
-    return false;
-  }
-  const TrackState state = tracks[index]->newest().state;
-  if (state != TrackState::kTracking && state != TrackState::kDegraded) return false;
-  return now - target.checked >= target.proof.pause(state);
-}
-
-// The first look errs now and then, by a turn; so does what comes back into view.
-bool ObjectSearch::doubted(const Target& target) {
-  return (!target.proof.proven() && !target.printed) || target.proof.suspected();
-}
-
-std::vector<ObjectSearch::Doubt> ObjectSearch::doubts() const {
-  std::vector<Doubt> out;
-  for (const Target& target : targets_) out.push_back({target.object, doubted(target)});
-  return out;
-}
-
-void ObjectSearch::check(Target& target, Time now, std::span<const PoseTrackPtr> tracks,
-                         std::vector<Observation>& out) {
-  target.checked = now;
-  target.proof.count();
-  ++checks_.done;
-  const PoseAt at = tracks[target.object.index()]->at(now);
-  if (at.source == PoseSource::kNone) return;
-  const Rigid3& pose = at.estimate.world_from_object;
-  OrientationComparison compared =
-      target.detector->compare_orientations(pose, at.estimate.twist, now, target.colors.get());
-  log::debug("check: {} at {}: rank {:.2f}, nearby {:.2f}, colors {}; score {:.2f}, turned {:.2f}",
-             target.object.index(), now.time_since_epoch().count(), compared.rank,
-             compared.fitted_rank, compared.shows_colors ? "show" : "do not", compared.here,
-             compared.other);
-  if (compared.here == 0 && compared.other == 0) {  // nowhere to be seen: nothing to hold back
-    target.proof.let_pass();
-    return;
-  }
-  Detection other;
-  if (now - target.last >= target.pause && doubles(target, pose, now, tracks)) {
-    other = look_for_double(target, now);
-  } else if (target.proof.refuted_by(*target.views, pose, compared)) {
-    other = target.policy.by_outline(std::move(compared.best), target.colors.get());
-  } else if (target.proof.take_doubts()) {  // it may be covered; then nothing is found elsewhere
-    other = look_everywhere(target);
-    const bool elsewhere = !other.poses.empty() && differs(target, pose, other);
-    if (!elsewhere) {  // nothing is claimed until a check finds it there again
-      other = {};
-      target.proof.begin_weakly();
-    }
-  } else if (target.proof.wants_search(compared, now)) {
-    search_about(target, at.estimate, compared, now);
-  }
-  if (other.poses.empty()) return;
-  target.found = std::move(other);
-  target.refutes = true;
-  target.proof.begin(target.found);
-  ++checks_.refuted;
-  log::debug("check: {}: refuted, {:.0f} deg and {:.0f} mm off", target.object.index(),
-             57.3 * rotation_angle(pose, target.found.poses.front().world_from_object),
-             1e3 * translation_distance(pose, target.found.poses.front().world_from_object));
-  hand_out(target, out);
-}
-
-// A right pose comes out of a search that knows nothing of it; one that only its track comes to
-// does not.
-void ObjectSearch::search_about(Target& target, const PoseEstimate& pose,
-                                const OrientationComparison& compared, Time now) {
-  const PlaceSearch search =
-      target.detector->search_about(pose.world_from_object, pose.twist, now, target.colors.get());
-  log::debug("check: {} at {}: about its place {} of rank {:.2f}, the next has {:.2f} of that",
-             target.object.index(), now.time_since_epoch().count(),
-             search.same ? "the same" : "another", search.rank, search.second);
-  target.proof.note_search(search, compared, now);
-}
-
 void ObjectSearch::hand_out(Target& target, std::vector<Observation>& out) const {
   if (!target.found.poses.empty()) {
     target.handed = target.found.poses.front();
@@ -392,6 +314,7 @@ void ObjectSearch::search(Target& target, Time now, std::span<const PoseTrackPtr
                        : look_everywhere(target);
   }
   if (!target.found.poses.empty()) target.told.reset();
+  target.print.begin(target.by_features);
   const bool disbelieved = target.proof.disbelieved();
   if (disbelieved && found_where_tracked(target, tracks)) {
     target.proof.note_found_again();

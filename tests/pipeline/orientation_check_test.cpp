@@ -133,5 +133,55 @@ TEST(OrientationCheck, WhatIsNotThereIsSearchedElsewhere) {
   EXPECT_LT(checked.angle, 0.26);
 }
 
+// A print tilted to the other side: its front looks nearly the same, so that nothing but looks for
+// the print itself tells.
+TEST(PrintCheck, FindsATiltByThePrint) {
+  for (const double angle : {0.35, 0.6}) {
+    const Eigen::Quaterniond turn(Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitX()));
+    const Checked checked = follow_turned("graycube", "cube", turn);
+    EXPECT_EQ(checked.checks.refuted, 1u) << angle;
+    EXPECT_GE(checked.doubted, 1) << "after the first look";
+    EXPECT_TRUE(checked.all_refute);
+    EXPECT_LT(checked.angle, 0.1) << angle;
+  }
+}
+
+TEST(PrintCheck, LeavesTheRightPoseAlone) {
+  for (const char* name : {"graycube", "cube"}) {
+    const Checked checked = follow_turned(name, "cube", Eigen::Quaterniond::Identity());
+    EXPECT_GE(checked.checks.done, 2u) << "one a second: the recording lasts 1.5 s";
+    EXPECT_EQ(checked.checks.refuted, 0u);
+    EXPECT_EQ(checked.doubted, 0);
+  }
+}
+
+TEST(PrintCheck, TwoLooksInARowHaveToShowTheSame) {
+  const Rig rig = load_rig(recording_installation(recording_of("graycube")).value(), {}).value();
+  const ViewpointModel& views = *rig.objects.front().views;
+  const auto found = [](double angle) {
+    Detection out;
+    const Eigen::Quaterniond turn(Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitX()));
+    out.poses.push_back({Rigid3(turn, Eigen::Vector3d::Zero()), Vector6::Zero(), 1, 1});
+    return out;
+  };
+  PrintCheck check;
+  const Duration usual = check.pause();
+  EXPECT_FALSE(check.refuted_by(views, Rigid3(), found(0.05)));
+  EXPECT_FALSE(check.suspected());
+  EXPECT_FALSE(check.refuted_by(views, Rigid3(), found(0.5)));
+  EXPECT_TRUE(check.suspected());
+  EXPECT_LT(check.pause(), usual);
+  EXPECT_FALSE(check.refuted_by(views, Rigid3(), found(1.0))) << "another one";
+  EXPECT_FALSE(check.refuted_by(views, Rigid3(), {})) << "nothing: it may be blurred";
+  EXPECT_TRUE(check.refuted_by(views, Rigid3(), found(0.95)));
+  for (int i = 0; i < 4; ++i) EXPECT_FALSE(check.refuted_by(views, Rigid3(), {}));
+  EXPECT_FALSE(check.suspected()) << "too long ago";
+  check.begin(true);
+  EXPECT_FALSE(check.suspected());
+  EXPECT_EQ(check.pause(), usual);
+  check.begin(false);
+  EXPECT_LT(check.pause(), usual) << "its outline was found: the print has not been asked yet";
+}
+
 }  // namespace
 }  // namespace sightline

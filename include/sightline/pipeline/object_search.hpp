@@ -15,6 +15,7 @@
 #include "sightline/pipeline/rig.hpp"
 #include "sightline/pipeline/search/found_views.hpp"
 #include "sightline/pipeline/search/pose_proof.hpp"
+#include "sightline/pipeline/search/print_check.hpp"
 
 namespace sightline {
 
@@ -121,6 +122,7 @@ class ObjectSearch {
     Time handed_at{};                         ///< capture that it is of
     bool refutes = false;  ///< `found` is another orientation than that of the track
     PoseProof proof = {};
+    PrintCheck print = {};
     Time checked{};        ///< last
     Time missing_since{};  ///< first of the searches in a row that have not found it
     Duration pause{0};     ///< from `last` to the next search
@@ -145,6 +147,10 @@ class ObjectSearch {
   static bool check_due(const Target& target, Time now, std::span<const PoseTrackPtr> tracks);
   void check(Target& target, Time now, std::span<const PoseTrackPtr> tracks,
              std::vector<Observation>& out);
+  /// What the check of a pose has found instead; nothing: nothing.
+  Detection check_shape(Target& target, const PoseEstimate& pose, Time now,
+                        std::span<const PoseTrackPtr> tracks);
+  Detection check_print(Target& target, const Rigid3& pose);
   /// Whether a pose that does not stand out is found again about its place.
   static void search_about(Target& target, const PoseEstimate& pose,
                            const OrientationComparison& compared, Time now);
