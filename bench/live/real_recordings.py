@@ -26,11 +26,15 @@ import subprocess
 import sys
 import tempfile
 
-import cv2
-import numpy as np
-from scipy.optimize import least_squares
-from scipy.sparse import lil_matrix
-from scipy.spatial.transform import Rotation
+try:
+    import cv2
+    import numpy as np
+    from scipy.optimize import least_squares
+    from scipy.sparse import lil_matrix
+    from scipy.spatial.transform import Rotation
+except ImportError as missing:
+    print(f"error: {missing}: apt install python3-opencv python3-numpy python3-scipy", file=sys.stderr)
+    sys.exit(2)
 
 BOX_VIDEO = pathlib.Path("/usr/share/doc/opencv-doc/opencv4/html/box.mp4.gz")
 CUBE_IMAGES = pathlib.Path("/usr/share/visp-images-data/ViSP-images/mbt")
