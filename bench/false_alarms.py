@@ -2,23 +2,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is claimed to be there and is not:
 
-    bench/false_alarms.py [--bin build/release/bin] [--replay "--search-cost 0.5"] [--jobs N] [--alike N] RECORDING ...
+    bench/false_alarms.py [--bin build/release/bin] [--replay "--search-cost 0.5"] [--jobs N] [--alike N]
+                          [--footage RECORDING] RECORDING ...
 
 Replays every recording with the object of every other one, which is not in its images (objects of the same name are
-left out), by region, edge and texture; with --alike as so many objects that look the same. Prints the pairs in which anything was claimed, with rows `tracking`, `degraded`
+left out), by region, edge and texture; with --footage only these, with the objects of all; with --alike as so many objects that look the same. Prints the pairs in which anything was claimed, with rows `tracking`, `degraded`
 and `coasting`, then totals: seconds of footage, rows, `tracking` rows, and stretches of `degraded` a minute. Exits 1 if
 anything was `tracking`, 2 for bad input."""
 import concurrent.futures
 import sys
 
-from recording_tools import (add_jobs_option, add_replay_option, count_states, object_name, recording_parser,
-                             replay_with_object)
+from recording_tools import (add_jobs_option, add_replay_option, count_states, object_name, recording_argument,
+                             recording_parser, replay_with_object)
 
 
-def foreign_pairs(recordings):
-    """(recording, name, object file) of every object that is not in the recording."""
+def foreign_pairs(footage, recordings):
+    """(recording, name, object file) of every object of some recordings that is not in the footage."""
     files = {object_name(path): path for recording in recordings for path in recording.objects}
-    for recording in recordings:
+    for recording in footage:
         own = [object_name(path) for path in recording.objects]
         yield from ((recording, name, files[name]) for name in sorted(files) if name not in own)
 
@@ -38,8 +39,11 @@ def main():
     add_jobs_option(parser)
     parser.add_argument("--alike", type=int, choices=range(1, 9), default=1, metavar="N",
                         help="look for so many of the object at once (default 1)")
+    parser.add_argument("--footage", action="append", type=recording_argument, metavar="RECORDING",
+                        help="replay this one, with the objects of all others; may be repeated (default: all)")
     options = parser.parse_args()
-    pairs = list(foreign_pairs(options.recordings))
+    footage = options.footage or options.recordings
+    pairs = list(foreign_pairs(footage, options.recordings))
     seconds = rows = tracking = degraded = entered = 0
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
         done = pool.map(lambda pair: replay_with_object(options, pair[0], pair[2], options.alike), pairs)

@@ -7,18 +7,16 @@
 FOLDER/box: a printed box of 25.8 x 18.9 x 7.5 cm in a hand before one camera, itself in a hand (OpenCV's tutorial
 "Real Time pose estimation"), 15 s; the mesh has no print. FOLDER/printed_box: the same with a print, as the footage
 shows it. FOLDER/cube: a printed cube of 84 mm that is moved over a desk before one gray camera (ViSP's images of its
-model-based tracker), 7 s; the mesh has no print. Nothing of it is kept in the repository.
+model-based tracker), 7 s; the mesh has no print. FOLDER/bottle: a black bottle in a hand, 8 s, without poses, to look
+for other objects in (bench/false_alarms.py --footage). Nothing of it is kept in the repository.
 
-Poses are those of SIFT features on the faces, by PnP, so that they know nothing of outlines: where the faces are in
-the first key frame was marked by hand (box) or comes with the images (cube). Focal length, center and distortion of
-the box's camera are not known; they are estimated with the poses of every sixth frame and the places of the features
-(bundle adjustment, minutes). Its corners, marked to some 2 px, alone tell how large it is, so that all depths may be
-off together by 2 to 3 % (16 mm from one set of marks to another). `sightline evaluate` does not know that box and cube
-without print look the same in 4 and 24 poses:
-
-    bench/live/real_recordings.py --judge POSES.csv FOLDER/box"""
+Poses (keyframes.csv: `sightline evaluate` and bench/live/live.py judge up to the symmetries of the mesh) are those of
+SIFT features on the faces, by PnP, so that they know nothing of outlines: where the faces are in the first key frame
+was marked by hand (box) or comes with the images (cube). Focal length, center and distortion of the box's camera are
+not known; they are estimated with the poses of every sixth frame and the places of the features (bundle adjustment,
+minutes). Its corners, marked to some 2 px, alone tell how large it is, so that all depths may be off together by 2 to
+3 % (16 mm from one set of marks to another)."""
 import argparse
-import csv
 import gzip
 import itertools
 import pathlib
@@ -36,10 +34,10 @@ except ImportError as missing:
     print(f"error: {missing}: apt install python3-opencv python3-numpy python3-scipy", file=sys.stderr)
     sys.exit(2)
 
-BOX_VIDEO = pathlib.Path("/usr/share/doc/opencv-doc/opencv4/html/box.mp4.gz")
+OPENCV_VIDEOS = pathlib.Path("/usr/share/doc/opencv-doc/opencv4/html")
 CUBE_IMAGES = pathlib.Path("/usr/share/visp-images-data/ViSP-images/mbt")
 BOX = np.array([0.258, 0.189, 0.075])  # [m], OpenCV's box.ply; long edge, depth, height
-BOX_RATE, CUBE_RATE = 29.97, 30.0
+BOX_RATE, BOTTLE_RATE, CUBE_RATE = 29.97, 26.78, 30.0
 BOX_FIRST = 100  # its corners there [px]: top left front, top left back, top right back, top right front, bottom ...
 BOX_CORNERS = np.array([(218.8, 104.2), (328.1, 29.0), (550.2, 87.1), (486.2, 195.4), (227.3, 174.9), (468.8, 266.4)])
 BOX_PLACES = np.array([(0, 0, 1), (0, 1, 1), (1, 1, 1), (1, 0, 1), (0, 0, 0), (1, 0, 0)]) * BOX
@@ -165,9 +163,9 @@ def adjust(features, lens, poses, seen, corners, places, first):
     return camera
 
 
-def box_images():
+def video_images(name):
     with tempfile.NamedTemporaryFile(suffix=".mp4") as video:
-        video.write(gzip.decompress(BOX_VIDEO.read_bytes()))
+        video.write(gzip.decompress((OPENCV_VIDEOS / f"{name}.mp4.gz").read_bytes()))
         video.flush()
         capture, images = cv2.VideoCapture(video.name), []
         while (read := capture.read())[0]:
@@ -188,7 +186,8 @@ def box_poses(images):
     features.add(images[BOX_FIRST], lens, pose)
     poses, seen = follow(images, features, lens, BOX_FIRST, pose)
     lens = adjust(features, lens, poses, seen, BOX_CORNERS, BOX_PLACES, BOX_FIRST)
-    return lens, follow(images, features, lens, BOX_FIRST, poses[BOX_FIRST])[0]
+    solved = {i: lens.solve(features.points[which], pixels) for i, (which, pixels) in seen.items()}
+    return lens, {i: found[0] for i, found in solved.items() if found is not None}
 
 
 def cube_poses(images):
@@ -209,46 +208,47 @@ def write_video(images, rate, path):
                     "-crf", "8", path], input=b"".join(image.tobytes() for image in images), check=True)
 
 
-def print_of(images, lens, poses, size):
-    """Faces as (corner, right, down) and an image of each; those that the footage does not show are plain."""
-    x, y, z = np.diag(size)
-    faces = {"top": (y + z, x, -y), "front": (z, x, -z), "right": (x + z, y, -z), "left": (y + z, -y, -z),
-             "back": (x + y + z, -x, -z), "bottom": (0 * x, x, y)}
+def faces_of(size):
+    """Of a box [0, size]: the corner at the top left of a face, seen from outside, and its sides to the right and
+    down."""
+    x, y, z = np.diag(np.asarray(size, float))
+    return {"top": (y + z, x, -y), "front": (z, x, -z), "right": (x + z, y, -z), "left": (y + z, -y, -z),
+            "back": (x + y + z, -x, -z), "bottom": (0 * x, x, y)}
+
+
+def prints_of(images, lens, poses, size):
+    """An image of each face; those that the footage does not show are plain."""
     shown = {"top": (130, 170, 260), "front": (350, 400, 430), "right": (130, 150)}
     out = {}
-    for name, (corner, right, down) in faces.items():
+    for name, (corner, right, down) in faces_of(size).items():
         width, height = (int(2000 * np.linalg.norm(side)) for side in (right, down))
-        picture = np.full((height, width, 3), (40, 160, 220), np.uint8)
-        if name in shown:
-            u, v = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height)
-            places = corner + u[..., None] * right + v[..., None] * down
-            looks = []
-            for i in shown[name]:
-                at = lens.project(places.reshape(-1, 3), poses[i]).reshape(height, width, 2).astype(np.float32)
-                looks.append(cv2.remap(images[i], at[..., 0], at[..., 1], cv2.INTER_LINEAR))
-            picture = np.median(looks, axis=0).astype(np.uint8)
-        out[name] = (corner, right, down, picture)
+        out[name] = np.full((height, width, 3), (40, 160, 220), np.uint8)
+        if name not in shown:
+            continue
+        u, v = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height)
+        places = (corner + u[..., None] * right + v[..., None] * down).reshape(-1, 3)
+        looks = []
+        for i in shown[name]:
+            at = lens.project(places, poses[i]).reshape(height, width, 2).astype(np.float32)
+            looks.append(cv2.remap(images[i], at[..., 0], at[..., 1], cv2.INTER_LINEAR))
+        out[name] = np.median(looks, axis=0).astype(np.uint8)
     return out
 
 
 def write_mesh(folder, name, size, prints=None):
     """OBJ about the middle of the box; with a material of its own for each printed face."""
-    x, y, z = np.diag(np.asarray(size, float))
-    faces = prints or {"top": (y + z, x, -y), "front": (z, x, -z), "right": (x + z, y, -z), "left": (y + z, -y, -z),
-                       "back": (x + y + z, -x, -z), "bottom": (0 * x, x, y)}
     lines, materials = ([f"mtllib {name}.mtl"] if prints else []), []
-    for k, (face, (corner, right, down, *picture)) in enumerate(faces.items()):
+    for k, (face, (corner, right, down)) in enumerate(faces_of(size).items()):
         corner = corner - np.asarray(size) / 2
         for point in (corner, corner + right, corner + right + down, corner + down):
             lines.append("v %.5f %.5f %.5f" % tuple(point))
-        if picture:
-            cv2.imwrite(str(folder / f"{face}.png"), picture[0])
+        if prints:
+            cv2.imwrite(str(folder / f"{face}.png"), prints[face])
             materials.append(f"newmtl {face}\nKd 1 1 1\nmap_Kd {face}.png\n")
             lines += ["vt 0 1", "vt 1 1", "vt 1 0", "vt 0 0", f"usemtl {face}"]
-        corners = [4 * k + 4, 4 * k + 3, 4 * k + 2, 4 * k + 1]  # seen from outside to the left
-        for triangle in ((0, 1, 2), (0, 2, 3)):
-            lines.append("f " + " ".join(f"{corners[i]}/{corners[i]}" if picture else str(corners[i])
-                                         for i in triangle))
+        for triangle in ((4, 3, 2), (4, 2, 1)):  # counterclockwise from outside
+            corners = [4 * k + i for i in triangle]
+            lines.append("f " + " ".join(f"{i}/{i}" if prints else str(i) for i in corners))
     (folder / f"{name}.obj").write_text("\n".join(lines) + "\n")
     if materials:
         (folder / f"{name}.mtl").write_text("\n".join(materials))
@@ -271,7 +271,9 @@ def write_recording(folder, name, images, rate, lens, poses, size, prints=None):
     time = [1_000_000_000 + int(i * 1e9 / rate) for i in range(len(images))]
     (folder / "frames.csv").write_text("camera,sequence,capture_ns,arrival_ns,dropped_before\n" + "".join(
         f"cam,{i},{t},{t},0\n" for i, t in enumerate(time)))
-    with open(folder / "truth.csv", "w") as file:
+    if not poses:
+        return
+    with open(folder / "keyframes.csv", "w") as file:
         file.write("t_ns,object,tx,ty,tz,qw,qx,qy,qz\n")
         for i in sorted(poses):
             turn = Rotation.from_rotvec(poses[i][:3])
@@ -281,52 +283,24 @@ def write_recording(folder, name, images, rate, lens, poses, size, prints=None):
     print(f"{folder}: {len(images)} frames, poses of {len(poses)}")
 
 
-def judge(poses, recording):
-    """Rows within 5 cm + 5 deg up to the turns that leave a box (or cube) without print as it is."""
-    with open(recording / "truth.csv") as file:
-        truth = {row["t_ns"]: row for row in csv.DictReader(file)}
-    printed = (recording / "objects" / "box.mtl").exists()
-    cube = (recording / "objects" / "cube.obj").exists()
-    turns = [Rotation.identity()] if printed else Rotation.create_group("O") if cube else Rotation.create_group("D2")
-    turn_of = lambda row: Rotation.from_quat([float(row[k]) for k in ("qx", "qy", "qz", "qw")])
-    rows = within = wrong = 0
-    errors = []
-    with open(poses) as file:
-        for row in csv.DictReader(file):
-            at = truth.get(row["t_ns"])
-            rows += at is not None
-            if at is None or not row["tx"]:
-                continue
-            mm = 1e3 * np.linalg.norm([float(row[k]) - float(at[k]) for k in ("tx", "ty", "tz")])
-            deg = min(np.degrees((turn_of(row).inv() * turn_of(at) * turn).magnitude()) for turn in turns)
-            errors.append((mm, deg))
-            within += mm < 50 and deg < 5
-            wrong += row["state"] == "tracking" and (mm > 20 or deg > 10)
-    median = np.median(errors, axis=0) if errors else (np.nan, np.nan)
-    print(f"{recording.name}: within 5 cm + 5 deg {100 * within / max(1, rows):.1f} % of {rows} rows, median "
-          f"{median[0]:.2f} mm, {median[1]:.2f} deg; wrong claims {wrong}")
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=pathlib.Path, metavar="FOLDER", help="or a recording, with --judge")
-    parser.add_argument("--judge", type=pathlib.Path, metavar="POSES.csv")
-    options = parser.parse_args()
-    if options.judge:
-        judge(options.judge, options.folder)
-        return 0
-    for path, package in ((BOX_VIDEO, "opencv-doc"), (CUBE_IMAGES, "visp-images-data")):
+    parser.add_argument("folder", type=pathlib.Path, metavar="FOLDER")
+    folder = parser.parse_args().folder
+    for path, package in ((OPENCV_VIDEOS / "box.mp4.gz", "opencv-doc"), (CUBE_IMAGES, "visp-images-data")):
         if not path.exists():
             print(f"error: there is no {path}: apt install {package}", file=sys.stderr)
             return 2
-    images = box_images()
+    images = video_images("box")
     lens, poses = box_poses(images)
-    write_recording(options.folder / "box", "box", images, BOX_RATE, lens, poses, BOX)
-    write_recording(options.folder / "printed_box", "box", images, BOX_RATE, lens, poses, BOX,
-                    print_of(images, lens, poses, BOX))
+    write_recording(folder / "box", "box", images, BOX_RATE, lens, poses, BOX)
+    write_recording(folder / "printed_box", "box", images, BOX_RATE, lens, poses, BOX,
+                    prints_of(images, lens, poses, BOX))
+    # No pose is known of the bottle, nor its camera; the object is one that is not there.
+    write_recording(folder / "bottle", "box", video_images("cup"), BOTTLE_RATE, Lens(608, 608, 319.5, 239.5), {}, BOX)
     images = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in sorted((CUBE_IMAGES / "cube").glob("*.pgm"))]
     lens, poses = cube_poses(images)
-    write_recording(options.folder / "cube", "cube", images, CUBE_RATE, lens, poses, [0.084] * 3)
+    write_recording(folder / "cube", "cube", images, CUBE_RATE, lens, poses, [0.084] * 3)
     return 0
 
 

@@ -144,7 +144,7 @@ class ObjectSearch {
   /// Whether a search has found a target where its track has it. Elsewhere: it refutes that.
   static bool found_where_tracked(Target& target, std::span<const PoseTrackPtr> tracks);
   static bool doubted(const Target& target);
-  static bool check_due(const Target& target, Time now, std::span<const PoseTrackPtr> tracks);
+  bool check_due(const Target& target, Time now, std::span<const PoseTrackPtr> tracks) const;
   void check(Target& target, Time now, std::span<const PoseTrackPtr> tracks,
              std::vector<Observation>& out);
   /// What the check of a pose has found instead; nothing: nothing.

@@ -267,19 +267,15 @@ std::vector<JointPose> ContourSearch::screened(const DetectorFrames& frames,
                                                DetectionTrace* trace) const {
   const double radius = bank_.model().radius();
   const JointSearch joint(bank_, frames.search_cameras(), executor_);
-  const KeepPoses best_of = [](std::vector<JointPose> some, size_t most) {
-    keep_best(some, most);
-    return some;
-  };
   joint.climb(poses, JointSearch::Spread::kFar, 0.15, 0.25 * radius, 0);
   add_agreement(colors, poses, executor_);
-  poses = of_each_distance(frames, std::move(poses), kMaxClimbedOn, best_of);
+  poses = of_each_distance(frames, std::move(poses), kMaxClimbedOn, keep_best);
   joint.climb(poses, JointSearch::Spread::kFar, 0.075, 0.125 * radius, 1);
   sort_by_score(poses);
   poses = thinned(poses, bank_.model().center(), 0.1 * radius, 0.12, kMaxPool);
   note(trace, "climbed", poses);
   add_agreement(colors, poses, executor_);
-  poses = of_each_distance(frames, std::move(poses), kMaxScreened, best_of);
+  poses = of_each_distance(frames, std::move(poses), kMaxScreened, keep_best);
   executor_(poses.size(), [&](size_t i) {
     const RigMotion resting{poses[i].world_from_object, Vector6::Zero()};
     PoseFit here = fitter_.lines(frames.fit_cameras(), resting, kScreenedStep);
@@ -287,8 +283,7 @@ std::vector<JointPose> ContourSearch::screened(const DetectorFrames& frames,
   });
   sort_by_score(poses);
   note(trace, "screened", poses);
-  keep_best(poses, frames.size() == 1 ? kMaxContourFitsOfOne : kMaxContourFits);
-  return poses;
+  return keep_best(std::move(poses), frames.size() == 1 ? kMaxContourFitsOfOne : kMaxContourFits);
 }
 
 // Rivals of the best: the same turned about its principal axes, and where a slightly other start

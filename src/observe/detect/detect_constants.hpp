@@ -75,7 +75,8 @@ constexpr double kAgreementPx = 1.3;                   // [half-size px] of a li
 // pixels of real images, so that 1.3 px left nothing of dragon.
 constexpr double kSmallObjectPx = 75;  // full size
 // Where it is more, at half size steps of the search and errors of mesh and lens are more pixels
-// than lines look for edges at, and a print has other edges there.
+// than lines look for edges at, and a print has other edges there. At 110, 150 and 200 px the same:
+// 166, 165 and 168 of 375 single looks of one camera at seven recordings are right.
 constexpr double kLargeObjectPx = 150;         // full size
 constexpr double kMagnifiedAgreementPx = 2.0;  // of a line that agrees there
 constexpr double kMagnifiedReach = 1.5;        // of the radius, of what is looked at about a pose

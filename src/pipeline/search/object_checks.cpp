@@ -4,16 +4,21 @@
 
 #include "sightline/base/log.hpp"
 #include "sightline/pipeline/object_search.hpp"
+#include "sightline/pipeline/search_cost.hpp"
 
 namespace sightline {
 
-bool ObjectSearch::check_due(const Target& target, Time now, std::span<const PoseTrackPtr> tracks) {
+bool ObjectSearch::check_due(const Target& target, Time now,
+                             std::span<const PoseTrackPtr> tracks) const {
   const size_t index = target.object.index();
   if (index >= tracks.size() || !tracks[index] || tracks[index]->empty()) return false;
   const TrackState state = tracks[index]->newest().state;
   if (state != TrackState::kTracking && state != TrackState::kDegraded) return false;
   if (target.printed && !target.features) return false;
-  const Duration pause = target.printed ? target.print.pause() : target.proof.pause(state);
+  SearchWork look;
+  look.textures = cameras_.size();
+  const Duration pause =
+      target.printed ? target.print.pause(search_cost(look)) : target.proof.pause(state);
   return now - target.checked >= pause;
 }
 

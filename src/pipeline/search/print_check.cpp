@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sightline/pipeline/search/print_check.hpp"
 
+#include <algorithm>
 #include <utility>
 
 namespace sightline {
@@ -11,6 +12,7 @@ constexpr double kElsewhere = 0.5;  // of the radius
 constexpr double kTurned = 0.2;     // [rad]
 constexpr int kMisses = 4;          // looks in a row that find nothing, until what was found is old
 constexpr Duration kPause = std::chrono::seconds(1);
+constexpr int kCosts = 10;
 constexpr Duration kSecondLook = std::chrono::milliseconds(80);
 
 }  // namespace
@@ -34,6 +36,8 @@ bool PrintCheck::refuted_by(const ViewpointModel& views, const Rigid3& pose,
   return before && !differs(*before, *other_);
 }
 
-Duration PrintCheck::pause() const { return suspected() || !looked_ ? kSecondLook : kPause; }
+Duration PrintCheck::pause(Duration cost) const {
+  return suspected() || !looked_ ? kSecondLook : std::max(kPause, kCosts * cost);
+}
 
 }  // namespace sightline

@@ -2,16 +2,11 @@
 // What is small in an image is looked at closely at full size.
 #include <gtest/gtest.h>
 
-#include "observe/detect/contour_search.hpp"
 #include "observe/detect/detect_constants.hpp"
 #include "observe/detect/detector_frames.hpp"
 #include "observe/detect/pixels/half_size_frame.hpp"
-#include "observe/detect/plan/search_distances.hpp"
-#include "observe/detect/pose_fit.hpp"
-#include "observe/detect/template_bank.hpp"
-#include "support/scene_rig.hpp"
+#include "sized_scene.hpp"
 #include "support/scene_shapes.hpp"
-#include "support/search_scene.hpp"
 
 namespace sightline::observe {
 namespace {
@@ -20,43 +15,23 @@ using test::turned;
 
 constexpr double kDistance = 2.0;  // [m]
 
-// A truck at rest so far from three cameras that it is small in their images.
-struct FarScene {
-  FarScene()
-      : rig(options()), cameras(test::detector_cameras(rig)), views(test::views_of(shape())) {
-    truth = rig.truth(rig.shots().front().true_capture);
-    detector.nearest = 0.6 * kDistance;
-    detector.farthest = 1.5 * kDistance;
-  }
-  static TriangleMesh shape() { return test::make_truck(); }
-  static test::SceneRigOptions options() {
-    auto out =
-        test::search_scene(shape(), test::resting(turned(0.8, {1, 2, 3}, {0.03, -0.02, 0.01})));
-    out.distance = kDistance;
-    return out;
-  }
+DetectorOptions range(double nearest, double farthest) {
+  DetectorOptions out;
+  out.nearest = nearest;
+  out.farthest = farthest;
+  return out;
+}
 
-  DetectorFrames frames(bool magnify) const {
-    DetectorFrames out(cameras, detector);
-    const PoseFitter fitter(*views);
-    if (magnify) {
-      out.show_at_its_size(search_distances(cameras, views->radius(), detector), fitter.width());
-    }
-    test::add_first_frames(rig,
-                           [&](CameraId id, const Frame& frame) { out.add(id, frame, nullptr); });
-    EXPECT_TRUE(out.select(DetectorFrames::Where::kEverywhere));
-    return out;
-  }
+const DetectorOptions kFar = range(0.6 * kDistance, 1.5 * kDistance);
+const DetectorOptions kNear = range(0.1, 0.2);  // where it is large
 
-  test::SceneRig rig;
-  std::vector<DetectorCamera> cameras;
-  std::shared_ptr<const ViewpointModel> views;
-  Rigid3 truth;
-  DetectorOptions detector;
-};
+// A truck so far from three cameras that it is small in their images.
+test::SceneRigOptions far_truck() {
+  return SizedScene::options(test::make_truck(), {0.03, -0.02, 0.01}, kDistance);
+}
 
-const FarScene& scene() {
-  static const FarScene made;
+const SizedScene& scene() {
+  static const SizedScene made(far_truck());
   return made;
 }
 
@@ -98,56 +73,36 @@ TEST(Magnified, ImageIsTheFrameAsItIs) {
 }
 
 TEST(Magnified, OnlyWhereTheObjectIsSmall) {
-  const DetectorFrames frames = scene().frames(true);
-  const PoseFitter fitter(*scene().views);
+  const DetectorFrames frames = scene().frames(kFar);
+  const PoseFitter& fitter = scene().fitter;
   for (const FitCamera& camera : frames.fit_cameras()) {
     ASSERT_NE(camera.magnified, nullptr);
     EXPECT_EQ(camera.magnified->camera()->image->width, 2 * camera.image->width);
     const double fx = camera.camera->model.parameters().fx;
     const double edge = fx * fitter.width() / kSmallObjectPx;  // [m] from the camera
-    const Eigen::Vector3d axis = camera.camera->world_from_camera.rotation_matrix().col(2);
-    const Rigid3 eye(Eigen::Quaterniond::Identity(),
-                     camera.camera->world_from_camera.translation - scene().views->center());
-    const auto at = [&](double distance) {
-      return Rigid3(eye.rotation, eye.translation + distance * axis);
-    };
-    EXPECT_EQ(&fitter.look(camera, at(1.1 * edge)), camera.magnified->camera());
-    EXPECT_EQ(&fitter.look(camera, at(0.9 * edge)), &camera);
+    EXPECT_EQ(&fitter.look(camera, scene().before(camera, 1.1 * edge)), camera.magnified->camera());
+    EXPECT_EQ(&fitter.look(camera, scene().before(camera, 0.9 * edge)), &camera);
   }
   // Told that it comes no farther than where it is large, nothing is kept at full size.
-  DetectorOptions near = scene().detector;
-  near.nearest = 0.1;
-  near.farthest = 0.2;
-  DetectorFrames large(scene().cameras, near);
-  large.show_at_its_size(search_distances(scene().cameras, scene().views->radius(), near),
-                         fitter.width());
-  test::add_first_frames(scene().rig,
-                         [&](CameraId id, const Frame& frame) { large.add(id, frame, nullptr); });
-  ASSERT_TRUE(large.select(DetectorFrames::Where::kEverywhere));
+  const DetectorFrames large = scene().frames(kNear);
   for (const FitCamera& camera : large.fit_cameras()) EXPECT_EQ(camera.magnified, nullptr);
 }
 
 TEST(Magnified, NotWhereNoiseWouldHideTheEdges) {
-  test::SceneRigOptions options = FarScene::options();
+  test::SceneRigOptions options = far_truck();
   options.sensor.read_noise = 6;
-  const test::SceneRig noisy(options);
-  DetectorFrames frames(test::detector_cameras(noisy), scene().detector);
-  const PoseFitter fitter(*scene().views);
-  frames.show_at_its_size(
-      search_distances(scene().cameras, scene().views->radius(), scene().detector), fitter.width());
-  test::add_first_frames(noisy,
-                         [&](CameraId id, const Frame& frame) { frames.add(id, frame, nullptr); });
-  ASSERT_TRUE(frames.select(DetectorFrames::Where::kEverywhere));
+  const SizedScene noisy(options);
+  const DetectorFrames frames = noisy.frames(kFar);
   for (const FitCamera& camera : frames.fit_cameras()) {
-    EXPECT_EQ(&fitter.look(camera, scene().truth), &camera);
+    EXPECT_EQ(&noisy.fitter.look(camera, noisy.truth), &camera);
   }
 }
 
 TEST(Magnified, FitsAreNearerToTheTruth) {
-  const PoseFitter fitter(*scene().views);
+  const PoseFitter& fitter = scene().fitter;
   double error[2] = {0, 0};
   for (const bool magnify : {false, true}) {
-    const DetectorFrames frames = scene().frames(magnify);
+    const DetectorFrames frames = scene().frames(magnify ? kFar : kNear);
     for (const double angle : {-0.06, 0.06}) {
       const Rigid3 start = scene().truth * turned(angle, {1, 0, 1}, {0.004, 0.003, -0.004});
       const PoseFit fit = fitter.fit(frames.fit_cameras(), {start, Vector6::Zero()}, kSearchReach);
@@ -160,8 +115,8 @@ TEST(Magnified, FitsAreNearerToTheTruth) {
 }
 
 TEST(Magnified, ReachesAsFarForWhatHasMoved) {
-  const PoseFitter fitter(*scene().views);
-  const DetectorFrames frames = scene().frames(true);
+  const PoseFitter& fitter = scene().fitter;
+  const DetectorFrames frames = scene().frames(kFar);
   const double fx = scene().cameras[0].calibration.model.parameters().fx;
   const double shift = 2 * kSearchReach * kDistance / fx;  // twice the reach at full size
   // Left, right, up, down, near and far: how many are found again.
@@ -183,25 +138,8 @@ TEST(Magnified, ReachesAsFarForWhatHasMoved) {
 }
 
 TEST(Magnified, ForegroundIsThatOfTheHalfSize) {
-  DetectorFrames frames(scene().cameras, scene().detector);
-  const PoseFitter fitter(*scene().views);
-  frames.show_at_its_size(
-      search_distances(scene().cameras, scene().views->radius(), scene().detector), fitter.width());
-  ForegroundMap map;
-  test::add_first_frames(scene().rig, [&](CameraId id, const Frame& frame) {
-    map.width = frame.half_gray().width;
-    map.height = frame.half_gray().height;
-    map.classes.assign(static_cast<size_t>(map.width) * static_cast<size_t>(map.height),
-                       ForegroundMap::kBackground);
-    for (int y = 100; y < 140; ++y) {
-      for (int x = 140; x < 180; ++x) {
-        map.classes[static_cast<size_t>(y * map.width + x)] = ForegroundMap::kForeground;
-      }
-    }
-    map.share = 0.02;
-    frames.add(id, frame, &map);
-  });
-  ASSERT_TRUE(frames.select(DetectorFrames::Where::kForeground));
+  const ForegroundMap map = foreground_in(320, 240, 140, 100, 180, 140);
+  const DetectorFrames frames = scene().frames(kFar, &map);
   for (const FitCamera& camera : frames.fit_cameras()) {
     ASSERT_NE(camera.magnified, nullptr);
     const ForegroundMap* large = camera.magnified->camera()->foreground;

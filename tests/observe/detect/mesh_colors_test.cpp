@@ -153,7 +153,7 @@ std::vector<JointPose> row_of_poses(size_t count) {
 
 TEST(PosePool, HalfOfThePlacesGoToWhatTheColorsAgreeWith) {
   std::vector<JointPose> poses = row_of_poses(10);
-  keep_best(poses, 4);
+  poses = keep_best(std::move(poses), 4);
   ASSERT_EQ(poses.size(), 4u);
   EXPECT_EQ(poses.back().score, 7) << "without colors the best by score";
 
@@ -161,7 +161,7 @@ TEST(PosePool, HalfOfThePlacesGoToWhatTheColorsAgreeWith) {
   poses[7].colors = 0.9;
   poses[8].colors = 0.1;
   poses[9].colors = -0.5;
-  keep_best(poses, 4);
+  poses = keep_best(std::move(poses), 4);
   std::vector<double> scores;
   for (const JointPose& pose : poses) scores.push_back(pose.score);
   EXPECT_EQ(scores, (std::vector<double>{10, 9, 3, 2}));
@@ -192,14 +192,10 @@ TEST(PosePool, EachDistanceHasItsShare) {
   for (size_t i = 0; i < poses.size(); ++i) {
     poses[i].world_from_object.translation = {0, 0, i < 10 ? 1.0 : i < 13 ? 2.0 : 4.0};
   }
-  const auto best = [](std::vector<JointPose> some, size_t max) {
-    keep_best(some, max);
-    return some;
-  };
   const auto kept = [&](size_t max) {
     std::vector<double> scores;
     for (const JointPose& pose : keep_of_each_distance(poses, Eigen::Vector3d::Zero(),
-                                                       Eigen::Vector3d::Zero(), max, best)) {
+                                                       Eigen::Vector3d::Zero(), max, keep_best)) {
       scores.push_back(pose.score);
     }
     std::ranges::sort(scores, std::greater<>());

@@ -11,12 +11,9 @@
 #include "observe/detect/looks/reduced_look.hpp"
 #include "observe/detect/pixels/foreground_masks.hpp"
 #include "observe/detect/pixels/half_size_frame.hpp"
-#include "observe/detect/plan/search_distances.hpp"
-#include "observe/detect/pose_fit.hpp"
 #include "observe/detect/template_bank.hpp"
-#include "support/scene_rig.hpp"
+#include "sized_scene.hpp"
 #include "support/scene_shapes.hpp"
-#include "support/search_scene.hpp"
 
 namespace sightline::observe {
 namespace {
@@ -26,39 +23,15 @@ using test::turned;
 constexpr double kDistance = 0.2;  // [m]
 
 // A carton, more than 200 px large before each camera.
-struct NearScene {
+struct NearScene : SizedScene {
   explicit NearScene(size_t count)
-      : rig(options(count)),
-        cameras(test::detector_cameras(rig)),
-        views(test::views_of(test::make_carton())),
-        fitter(*views) {
-    truth = rig.truth(rig.shots().front().true_capture);
-    detector.nearest = 0.6 * kDistance;
-    detector.farthest = 6 * kDistance;
-  }
-  static test::SceneRigOptions options(size_t count) {
-    auto out = test::search_scene(test::make_carton(),
-                                  test::resting(turned(0.8, {1, 2, 3}, {0.01, -0.01, 0.01})));
-    out.distance = kDistance;
-    out.azimuths_deg.resize(count);
-    return out;
-  }
+      : SizedScene(options(test::make_carton(), {0.01, -0.01, 0.01}, kDistance, count)) {}
   DetectorFrames frames(const ForegroundMap* foreground = nullptr) const {
-    DetectorFrames out(cameras, detector);
-    out.show_at_its_size(search_distances(cameras, views->radius(), detector), fitter.width());
-    test::add_first_frames(
-        rig, [&](CameraId id, const Frame& frame) { out.add(id, frame, foreground); });
-    EXPECT_TRUE(out.select(foreground != nullptr ? DetectorFrames::Where::kForeground
-                                                 : DetectorFrames::Where::kEverywhere));
-    return out;
+    DetectorOptions range;
+    range.nearest = 0.6 * kDistance;
+    range.farthest = 6 * kDistance;
+    return SizedScene::frames(range, foreground);
   }
-
-  test::SceneRig rig;
-  std::vector<DetectorCamera> cameras;
-  std::shared_ptr<const ViewpointModel> views;
-  PoseFitter fitter;
-  Rigid3 truth;
-  DetectorOptions detector;
 };
 
 TEST(Reduced, CameraSeesTheSamePointsAtHalfTheSize) {
@@ -103,28 +76,19 @@ TEST(Reduced, OnlyRoughlyAndWhereTheObjectIsLarge) {
   const FitCamera& camera = frames.fit_cameras()[0];
   ASSERT_NE(camera.reduced, nullptr);
   const double edge = camera.camera->model.parameters().fx * scene.fitter.width() / kLargeObjectPx;
-  const Eigen::Vector3d axis = camera.camera->world_from_camera.rotation_matrix().col(2);
-  const auto at = [&](double distance) {
-    return Rigid3(Eigen::Quaterniond::Identity(), camera.camera->world_from_camera.translation -
-                                                      scene.views->center() + distance * axis);
-  };
-  EXPECT_EQ(&scene.fitter.look(camera, at(0.9 * edge), true), &camera.reduced->camera());
+  EXPECT_EQ(&scene.fitter.look(camera, scene.before(camera, 0.9 * edge), true),
+            &camera.reduced->camera());
   EXPECT_EQ(camera.reduced->camera().image->width, camera.image->width / 2);
-  EXPECT_EQ(&scene.fitter.look(camera, at(1.1 * edge), true), &camera);
-  EXPECT_EQ(&scene.fitter.look(camera, at(0.9 * edge)), &camera);
+  EXPECT_EQ(&scene.fitter.look(camera, scene.before(camera, 1.1 * edge), true), &camera);
+  EXPECT_EQ(&scene.fitter.look(camera, scene.before(camera, 0.9 * edge)), &camera);
 }
 
 TEST(Reduced, NotOfferedWhereTheObjectIsNeverLarge) {
   const NearScene scene(1);
-  DetectorOptions far = scene.detector;
+  DetectorOptions far;
   far.nearest = 1;
   far.farthest = 2;
-  DetectorFrames frames(scene.cameras, far);
-  frames.show_at_its_size(search_distances(scene.cameras, scene.views->radius(), far),
-                          scene.fitter.width());
-  test::add_first_frames(scene.rig,
-                         [&](CameraId id, const Frame& frame) { frames.add(id, frame, nullptr); });
-  ASSERT_TRUE(frames.select(DetectorFrames::Where::kEverywhere));
+  const DetectorFrames frames = scene.SizedScene::frames(far);
   EXPECT_EQ(frames.fit_cameras()[0].reduced, nullptr);
 }
 
@@ -153,14 +117,7 @@ TEST(Reduced, RoughFitsComeFromFarther) {
 
 TEST(Reduced, EdgesCountNearTheForegroundOnly) {
   const NearScene scene(2);
-  ForegroundMap map;
-  map.width = 320;
-  map.height = 240;
-  map.classes.assign(320 * 240, ForegroundMap::kBackground);
-  for (int y = 60; y < 140; ++y) {
-    for (int x = 60; x < 180; ++x) map.classes[y * 320 + x] = ForegroundMap::kForeground;
-  }
-  map.share = 0.02;
+  const ForegroundMap map = foreground_in(320, 240, 60, 60, 180, 140);
   const DetectorFrames frames = scene.frames(&map);
   for (const FitCamera& camera : frames.fit_cameras()) {
     ASSERT_NE(camera.reduced, nullptr);

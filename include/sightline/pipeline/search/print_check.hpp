@@ -26,8 +26,9 @@ class PrintCheck {
   bool refuted_by(const ViewpointModel& views, const Rigid3& pose, const Detection& found);
   /// The last look has found it elsewhere.
   bool suspected() const { return other_.has_value(); }
-  /// From one look to the next.
-  Duration pause() const;
+  /// From one look to the next, of which each takes so much of a core: usually a second, and so
+  /// long that all of them take a tenth of the core at most.
+  Duration pause(Duration cost) const;
 
  private:
   std::optional<Rigid3> other_;  ///< object as tracked from object as found

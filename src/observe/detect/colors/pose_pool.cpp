@@ -97,14 +97,14 @@ std::vector<size_t> best_halves(std::span<const float> colored, size_t max) {
   return kept;
 }
 
-void keep_best(std::vector<JointPose>& poses, size_t max) {
+std::vector<JointPose> keep_best(std::vector<JointPose> poses, size_t max) {
   sort_by_score(poses);
-  if (poses.size() <= max) return;
+  if (poses.size() <= max) return poses;
   std::vector<float> colored;
   for (const JointPose& pose : poses) colored.push_back(static_cast<float>(with_colors(pose)));
   std::vector<JointPose> kept;
   for (const size_t i : best_halves(colored, max)) kept.push_back(poses[i]);
-  poses = std::move(kept);
+  return kept;
 }
 
 std::vector<JointPose> best_of_cells(std::vector<JointPose> poses, const Eigen::Vector3d& center,

@@ -28,8 +28,8 @@ std::vector<JointPose> thinned(std::span<const JointPose> poses, const Eigen::Ve
 /// the best by the product. So colors that are not those of the object cost half of the places.
 std::vector<size_t> best_halves(std::span<const float> colored, size_t max);
 
-/// Keeps `max` of them, sorted by score: best_halves().
-void keep_best(std::vector<JointPose>& poses, size_t max);
+/// `max` of them, sorted by score: best_halves().
+std::vector<JointPose> keep_best(std::vector<JointPose> poses, size_t max);
 
 /// The same of many, thinned(): first those by score.
 std::vector<JointPose> best_of_cells(std::vector<JointPose> poses, const Eigen::Vector3d& center,

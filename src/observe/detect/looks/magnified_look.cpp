@@ -10,20 +10,9 @@ namespace sightline::observe {
 
 void MagnifiedLook::show(const FitCamera& half, const HalfSizeFrame& frame,
                          const std::vector<uint8_t>& half_mask) {
-  calibration_.world_from_camera = half.camera->world_from_camera;
+  OtherSizeLook::show(half, 1, half_mask);
   frame_ = &frame;
-  half_foreground_ = half.foreground;
-  half_mask_ = half_mask.empty() ? nullptr : &half_mask;
   box_ = {0, 0, frame.info.width, frame.info.height};
-  camera_ = {};
-  camera_.camera = &calibration_;
-  camera_.camera_from_world = half.camera_from_world;
-  camera_.image = &image_;
-  camera_.edges = &edges_;
-  camera_.seconds = half.seconds;
-  camera_.foreground = half_foreground_ != nullptr ? &foreground_ : nullptr;
-  camera_.pixel_size = half.pixel_size / 2;
-  made_ = false;
 }
 
 void MagnifiedLook::set_box(const PixelBox& box) {
@@ -33,28 +22,20 @@ void MagnifiedLook::set_box(const PixelBox& box) {
 }
 
 const FitCamera* MagnifiedLook::camera() const {
-  if (!made_.load(std::memory_order_acquire)) {
-    const std::lock_guard lock(mutex_);
-    if (!made_.load(std::memory_order_relaxed)) {
-      find_edges();
-      made_.store(true, std::memory_order_release);
-    }
-  }
+  const FitCamera& camera = made();
   // Noise, or fine texture everywhere, has raised it.
-  return edges_.threshold() > kMinGradient ? nullptr : &camera_;
+  return camera.edges->threshold() > kMinGradient ? nullptr : &camera;
 }
 
-void MagnifiedLook::find_edges() const {
-  frame_->magnify(image_, box_);
-  edges_.compute(image_, box_);
-  images_.fetch_add(1, std::memory_order_relaxed);
-  if (half_foreground_ != nullptr) {
-    magnify(*half_foreground_, image_.width, image_.height, foreground_);
+void MagnifiedLook::make(HalfSizeImage& image, EdgeImage& edges) const {
+  frame_->magnify(image, box_);
+  edges.compute(image, box_);
+  if (half_.foreground != nullptr) {
+    magnify(*half_.foreground, image.width, image.height, foreground_);
   }
   if (half_mask_ == nullptr) return;
-  magnify(*half_mask_, frame_->image.width, frame_->image.height, image_.width, image_.height,
-          mask_);
-  edges_.keep_where(mask_);
+  magnify(*half_mask_, half_.image->width, half_.image->height, image.width, image.height, mask_);
+  edges.keep_where(mask_);
 }
 
 }  // namespace sightline::observe
