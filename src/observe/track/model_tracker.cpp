@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "observe/track/model_tracker.hpp"
 
+#include <array>
 #include <cmath>
 #include <utility>
 
@@ -145,7 +146,7 @@ ModelTracker::Measurement ModelTracker::measure(const Frame& frame, const Predic
   }
   // Its outline may be covered, by a hand for instance.
   const Rigid3& pose = prediction.world_from_object;
-  PoseTermPtr print = measure_print(frame, prior, pose, prediction.ambiguous, result);
+  PoseTermPtr print = measure_print(frame, prior, {&pose, 1}, prediction.ambiguous, result);
   if (print && result.points_used >= tuning::kTexturedPoints) {
     out.fitted = texture_.pose();
     result.seen = result.by_print_alone = true;
@@ -155,12 +156,13 @@ ModelTracker::Measurement ModelTracker::measure(const Frame& frame, const Predic
 }
 
 PoseTermPtr ModelTracker::measure_print(const Frame& frame, const PosePrior& prior,
-                                        const Rigid3& pose, bool ambiguous,
+                                        std::span<const Rigid3> starts, bool ambiguous,
                                         ObjectTracker::TrackResult& result) {
   if (!print_) return nullptr;
-  TexturePoints& points = print_->around(camera_.camera_from_world * pose);
-  PoseTermPtr term = texture_.measure(frame.gray(), prior, pose, outline_.occluders(), ambiguous,
-                                      camera_.options.print_error, points, result.points_used);
+  TexturePoints& points = print_->around(camera_.camera_from_world * starts.front());
+  PoseTermPtr term =
+      texture_.measure(frame.gray(), prior, starts, kPrintRounds, outline_.occluders(), ambiguous,
+                       camera_.options.print_error, points, result.points_used);
   result.by_print = term != nullptr;
   return term;
 }
@@ -171,9 +173,12 @@ void ModelTracker::make_terms(const Frame& frame, const PosePrior& prior,
                               std::vector<PoseTermPtr>& terms) {
   ObjectTracker::TrackResult& result = out.result;
   out.fitted = outline_.pose() * Rigid3::exp(agreement.step);
-  PoseTermPtr points = measure_print(frame, prior, out.fitted, prediction.ambiguous, result);
+  // Where something of its color is beside it, an outline is farther off than a print is looked
+  // for.
+  const std::array starts{out.fitted, prediction.world_from_object};
+  PoseTermPtr points = measure_print(frame, prior, starts, prediction.ambiguous, result);
   if (!points && texture != nullptr) {
-    points = texture_.measure(frame.gray(), prior, out.fitted, outline_.occluders(),
+    points = texture_.measure(frame.gray(), prior, {&out.fitted, 1}, 1, outline_.occluders(),
                               prediction.ambiguous, camera_.options.texture_error, *texture,
                               result.points_used);
   }

@@ -67,10 +67,11 @@ class ModelTracker {
   OutlineAgreement by_local_colors(const Look& look, const LocalColors* known);
   /// From where the outline is placed, off by about `spread_px`.
   OutlineAgreement judge_locally(const Look& look, double spread_px, const LocalColors* known);
-  /// Points of the mesh's print around a pose (world_from_object); null without a print, or if too
-  /// few agree.
-  PoseTermPtr measure_print(const Frame& frame, const PosePrior& prior, const Rigid3& pose,
-                            bool ambiguous, ObjectTracker::TrackResult& result);
+  /// Points of the mesh's print around poses (world_from_object), see TextureMeasurement; null
+  /// without a print, or if too few agree.
+  PoseTermPtr measure_print(const Frame& frame, const PosePrior& prior,
+                            std::span<const Rigid3> starts, bool ambiguous,
+                            ObjectTracker::TrackResult& result);
   void make_terms(const Frame& frame, const PosePrior& prior, const Prediction& prediction,
                   const OutlineAgreement& agreement, TexturePoints* texture, Measurement& out,
                   std::vector<PoseTermPtr>& terms);

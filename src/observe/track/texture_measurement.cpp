@@ -11,42 +11,69 @@ namespace sightline::observe {
 
 using namespace tuning;
 
-PoseTermPtr TextureMeasurement::measure(const PlaneView& gray, const PosePrior& prior,
-                                        const Rigid3& fitted, const Occluders& occluders,
-                                        bool ambiguous, const ViewError& error,
-                                        TexturePoints& points, int& used) {
-  const TrackerOptions& options = camera_.options;
-  const Rigid3 camera_from_object = camera_.camera_from_world * fitted;
-  points.find(gray, camera_from_object, occluders, ambiguous);
-  const auto& found = points.found();
-  if (found.size() < kMinPoints) return nullptr;
-  const LineProjector projector(camera_.camera->model, camera_from_object);
+bool TextureMeasurement::linearize() {
+  const LineProjector projector(camera_.camera->model, camera_.camera_from_world * at_);
   residuals_.clear();
-  for (const TexturePoints::Found& point : found) {
+  for (const TexturePoints::Found& point : found_) {
     for (const Eigen::Vector2d& axis : {Eigen::Vector2d(1, 0), Eigen::Vector2d(0, 1)}) {
       LineResidual& residual = residuals_.emplace_back();
-      residual.sigma = options.texture_floor_px;
+      residual.sigma = camera_.options.texture_floor_px;
       if (!projector.distance(point.point_in_object, point.pixel, axis, residual.offset,
                               residual.by_pose)) {
-        return nullptr;
+        return false;
       }
       residual.offset = -residual.offset;
     }
   }
+  return true;
+}
+
+void TextureMeasurement::find(const PlaneView& gray, const PosePrior& prior,
+                              std::span<const Rigid3> starts, int rounds,
+                              const Occluders& occluders, bool ambiguous, TexturePoints& points) {
+  found_.clear();
+  bool first = true;
+  for (const Rigid3& start : starts) {
+    Rigid3 at = start;
+    for (int round = 0; round < rounds; ++round) {
+      // What is missed counts once.
+      points.find(gray, camera_.camera_from_world * at, occluders, ambiguous || !first);
+      first = false;
+      const auto& found = points.found();
+      if (found.size() <= found_.size()) break;
+      found_.assign(found.begin(), found.end());
+      at_ = at;
+      if (found_.size() >= kTexturedPoints && 10 * found_.size() >= kMostPoints * points.tried()) {
+        return;
+      }
+      if (round + 1 == rounds || found_.size() < kLeadingPoints || !linearize()) break;
+      at = at_ * Rigid3::exp(fit_lines(residuals_, prior.information, prior.offset_of(at_),
+                                       camera_.options.huber));
+    }
+  }
+}
+
+PoseTermPtr TextureMeasurement::measure(const PlaneView& gray, const PosePrior& prior,
+                                        std::span<const Rigid3> starts, int rounds,
+                                        const Occluders& occluders, bool ambiguous,
+                                        const ViewError& error, TexturePoints& points, int& used) {
+  const TrackerOptions& options = camera_.options;
+  find(gray, prior, starts, rounds, occluders, ambiguous, points);
+  if (found_.size() < kMinPoints || !linearize()) return nullptr;
   const Vector6 step =
-      fit_lines(residuals_, prior.information, prior.offset_of(fitted), options.huber);
-  pose_ = fitted * Rigid3::exp(step);
+      fit_lines(residuals_, prior.information, prior.offset_of(at_), options.huber);
+  pose_ = at_ * Rigid3::exp(step);
   const double scale = std::max(1.0, residual_scale(residuals_, step, scratch_));
   const double sigma = scale * options.texture_floor_px;
   if (sigma > options.max_texture_noise_px) return nullptr;
   std::vector<PointMatch> matches;
-  matches.reserve(found.size());
-  for (size_t i = 0; i < found.size(); ++i) {
+  matches.reserve(found_.size());
+  for (size_t i = 0; i < found_.size(); ++i) {
     const auto off = [&](size_t k) {
       return std::abs(residuals_[k].by_pose.dot(step) - residuals_[k].offset);
     };
     if (std::max(off(2 * i), off(2 * i + 1)) > kOutlierSigmas * sigma) continue;
-    matches.push_back({found[i].point_in_object, found[i].pixel, sigma});
+    matches.push_back({found_[i].point_in_object, found_[i].pixel, sigma});
   }
   used = static_cast<int>(matches.size());
   if (matches.size() < kMinPoints) return nullptr;

@@ -117,9 +117,9 @@ void TexturePoints::find(const PlaneView& gray, const Rigid3& camera_from_object
   found_.clear();
   const Eigen::Matrix3d rotation = camera_from_object.rotation_matrix();
   const Eigen::Vector3d eye = camera_from_object.inverse().translation;
-  size_t tried = 0;
+  tried_ = 0;
   for (Point& point : points_) {
-    if (tried == kPerFrame) break;
+    if (tried_ == kPerFrame) break;
     const Eigen::Vector3d direction = (eye - point.in_object).normalized();
     const Eigen::Vector3d normal = point.tangent_u.cross(point.tangent_v).normalized();
     if (direction.dot(point.direction) < kMinSameAspect || normal.dot(direction) < kMinCosine)
@@ -128,7 +128,7 @@ void TexturePoints::find(const PlaneView& gray, const Rigid3& camera_from_object
     Eigen::Matrix<double, 2, 3> by_point;
     const auto expected = camera_.project(in_camera, &by_point);
     if (!expected || occluders.hide(*expected, in_camera)) continue;
-    ++tried;
+    ++tried_;
     Eigen::Matrix2d image_from_tangent;
     image_from_tangent << by_point * (rotation * point.tangent_u),
         by_point * (rotation * point.tangent_v);

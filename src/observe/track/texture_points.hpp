@@ -43,6 +43,7 @@ class TexturePoints {
     Eigen::Vector2d pixel;
   };
   const std::vector<Found>& found() const { return found_; }
+  size_t tried() const { return tried_; }  ///< by the last find()
 
   /// Notes corners of the image inside the given box as candidates, if new points are needed:
   /// every few frames, and seldom on an object without texture.
@@ -93,6 +94,7 @@ class TexturePoints {
   std::vector<Candidate> candidates_;
   std::vector<Found> found_;
   std::vector<float> strengths_;
+  size_t tried_ = 0;
   int rest_ = 0;   ///< frames until candidates are searched again
   int pause_ = 1;  ///< and for how many after that: grows while the object shows no texture
 };

@@ -87,6 +87,9 @@ constexpr int kCornerGrid = 2;                         // [px] on which corners 
 constexpr int kShortestPause = 1, kLongestPause = 48;  // [frames] between searches for corners
 constexpr int kRestAfterDrop = 2;                      // [frames]
 constexpr size_t kMinPoints = 8;
+constexpr size_t kLeadingPoints = 4;  // that a print is looked for once more from where they lead
+constexpr int kPrintRounds = 6;
+constexpr size_t kMostPoints = 7;  // of ten that are tried, with which it is not
 // From so many points on edges are not used, nor, beside a print, the outline.
 constexpr int kTexturedPoints = 12;
 constexpr double kPrintRefuted = 0.25;  // correlation of a print that is not there
