@@ -278,6 +278,49 @@ TEST_F(Print, HoldsItWhereNoOutlineShows) {
   EXPECT_EQ(measure_about(truth_, cover_all).cameras, 0);
 }
 
+// In light through a grille, by another white: point by point it is there, as a whole it does not
+// look like it.
+TEST_F(Print, PointsInPlaceCountForMoreThanHowItLooksAsAWhole) {
+  const Installation installation = unmarked();
+  const FramePtr& frame = frames_.front();
+  auto image = std::make_shared<Image>(frame->info().width, frame->info().height);
+  frame->copy_i420_to(image->mutable_view());
+  const auto& view = image->mutable_view();
+  for (int y = 0; y < view.y.height; ++y) {
+    for (int x = 0; x < view.y.width; ++x) {
+      const int light = x / 40 % 2 == 0 ? 150 : 0;
+      view.y.row(y)[x] = static_cast<uint8_t>(view.y.row(y)[x] / 4 + light);
+      if (x % 2 != 0 || y % 2 != 0) continue;
+      for (const MutablePlaneView& plane : {view.u, view.v}) {
+        uint8_t& chroma = plane.row(y / 2)[x / 2];
+        chroma = static_cast<uint8_t>(255 - chroma);
+      }
+    }
+  }
+  const FramePtr seen = Frame::decoded(frame->info(), image);
+  const auto verifier = ColorVerifier::create(*carton().samples, cameras_).value();
+  verifier->add_frame(frame->info().camera, *seen);
+  const Time time = frame->info().capture;
+  EXPECT_LT(verifier->correlation(truth_, Vector6::Zero(), time), 0.25);
+
+  PoseEstimate estimate;
+  estimate.object = ObjectId(0);
+  estimate.time = estimate.last_measured = time;
+  estimate.state = TrackState::kTracking;
+  estimate.world_from_object = truth_;
+  estimate.covariance.diagonal().head<6>().setConstant(1e-5);
+  const std::vector<PoseTrackPtr> tracks = {std::make_shared<const PoseTrack>(
+      ObjectId(0), std::vector<PoseEstimate>{estimate}, MotionNoise())};
+  const auto observer = CameraObserver::create(installation, *rig_, frame->info().camera).value();
+  std::vector<Observation> out;
+  observer->tracker().step(*seen, tracks, out);
+  const auto& result = observer->tracker().last_result(0);
+  EXPECT_TRUE(result.seen);
+  EXPECT_GE(result.points_used, 12);
+  ASSERT_EQ(out.size(), 1u);
+  EXPECT_FALSE(out.front().terms.empty());
+}
+
 TEST_F(Print, IsNotAskedOfWhatIsNotMeasuredByTexture) {
   Installation installation = unmarked();
   installation.objects.front().description.modalities.texture = false;

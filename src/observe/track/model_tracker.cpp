@@ -147,7 +147,7 @@ ModelTracker::Measurement ModelTracker::measure(const Frame& frame, const Predic
   // Its outline may be covered, by a hand for instance.
   const Rigid3& pose = prediction.world_from_object;
   PoseTermPtr print = measure_print(frame, prior, {&pose, 1}, prediction.ambiguous, result);
-  if (print && result.points_used >= tuning::kTexturedPoints) {
+  if (print && result.points_used >= kTexturedPoints) {
     out.fitted = texture_.pose();
     result.seen = result.by_print_alone = true;
     terms.push_back(std::move(print));
@@ -185,10 +185,15 @@ void ModelTracker::make_terms(const Frame& frame, const PosePrior& prior,
   if (points) terms.push_back(std::move(points));
   // Where the print is in place, the outline adds its own errors only: a white rim before a white
   // wall pulls it by pixels.
-  const bool placed = result.by_print && result.points_used >= tuning::kTexturedPoints;
-  if (object_.modalities.region && !placed) terms.push_back(region_.term(outline_, agreement));
+  const bool placed = result.by_print && result.points_used >= kTexturedPoints;
+  if (placed) out.fitted = texture_.pose();
+  if (object_.modalities.region && !placed) {
+    OutlineAgreement doubted = agreement;
+    if (print_ && print_->tried() >= size_t{kTexturedPoints}) doubted.scale *= kOutlineWithoutPrint;
+    terms.push_back(region_.term(outline_, doubted));
+  }
   // On a textured object most steps of brightness are texture.
-  if (object_.modalities.edge && result.points_used < tuning::kTexturedPoints) {
+  if (object_.modalities.edge && result.points_used < kTexturedPoints) {
     const EdgeResult edges = edges_.measure(frame.gray(), prior, outline_, agreement, terms);
     result.edges_used = edges.used;
     result.edge_noise_px = edges.noise_px;

@@ -235,7 +235,10 @@ void ObjectTracker::Impl::track(State& state, const Frame& frame, const PoseAt& 
   const bool learned = state.last.learned;
   state.last = measured.result;
   state.last.learned = learned;
-  if (state.last.seen && state.object.printed &&
+  // So many of its points in place are a print that is there, however it looks as a whole.
+  const bool placed =
+      state.last.by_print && state.last.points_used >= observe::tuning::kTexturedPoints;
+  if (state.last.seen && state.object.printed && !placed &&
       observe::print_agreement(frame, measured.fitted, camera_, state.object) <
           observe::tuning::kPrintRefuted) {
     state.last.seen = false;  // an outline that fits something else, or too little of the object

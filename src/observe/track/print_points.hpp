@@ -17,6 +17,8 @@ class PrintPoints {
 
   /// The points to be found around this pose; valid until the next call.
   TexturePoints& around(const Rigid3& camera_from_object);
+  /// Of them, in the last image: on sides that are seen well enough.
+  size_t tried() const { return points_.tried(); }
 
  private:
   bool outdated(const Rigid3& camera_from_object) const;

@@ -92,6 +92,9 @@ constexpr int kPrintRounds = 6;
 constexpr size_t kMostPoints = 7;  // of ten that are tried, with which it is not
 // From so many points on edges are not used, nor, beside a print, the outline.
 constexpr int kTexturedPoints = 12;
+// Sigma of an outline whose print should be seen and is not in place: a hand is there, or it is not
+// its outline.
+constexpr double kOutlineWithoutPrint = 4;
 constexpr double kPrintRefuted = 0.25;  // correlation of a print that is not there
 // Points of the mesh's own print: of another camera, light and printer than the image.
 constexpr float kMinPrintCorrelation = 0.75f;
