@@ -6,8 +6,9 @@
                           [--footage RECORDING] RECORDING ...
 
 Replays every recording with the object of every other one, which is not in its images (objects of the same name are
-left out), by region, edge and texture; with --footage only these, with the objects of all; with --alike as so many objects that look the same. Prints the pairs in which anything was claimed, with rows `tracking`, `degraded`
-and `coasting`, then totals: seconds of footage, rows, `tracking` rows, and stretches of `degraded` a minute. Exits 1 if
+left out), by region, edge and texture; with --footage only these, with the objects of all; with --alike as so many
+objects that look the same. Prints the pairs in which anything was claimed, with rows `tracking`, `degraded` and
+`coasting`, then totals: seconds of footage, rows, `tracking` rows, and stretches of `degraded` a minute. Exits 1 if
 anything was `tracking`, 2 for bad input."""
 import concurrent.futures
 import sys
