@@ -45,6 +45,7 @@ TEST(Alone, AnOutlineThatDoesNotTellItsRotationIsDegraded) {
   const PoseEstimate outline = last_of(1, "region");
   EXPECT_EQ(outline.state, TrackState::kDegraded);
   EXPECT_EQ(to_string(outline.degraded_reasons, ","), "weak_rotation");
+  EXPECT_EQ(last_of(1, "sparse_texture").state, TrackState::kDegraded) << "few points of one side";
 }
 
 TEST(Alone, OtherMeasurementsAndMoreCamerasHaveTheUsualLimit) {

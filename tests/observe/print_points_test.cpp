@@ -76,6 +76,7 @@ class PrintedCard : public testing::Test {
   struct Measured {
     int used = 0;
     double angle = 0, distance = 0;  ///< from the truth
+    std::string_view kind = {};
   };
   Measured measure(std::span<const Rigid3> starts, int rounds) {
     const auto factory = [](const CameraModel& model) {
@@ -86,10 +87,11 @@ class PrintedCard : public testing::Test {
     const PosePrior prior(starts.front(), covariance, 0, 0);
     TextureMeasurement measurement(camera_);
     Measured out;
-    const PoseTermPtr term =
-        measurement.measure(seen_.image(), prior, starts, rounds, {}, false,
-                            camera_.options.print_error, print.around(starts.front()), out.used);
+    const PoseTermPtr term = measurement.measure(
+        seen_.image(), prior, starts, rounds, {}, false, camera_.options.print_error,
+        tuning::kTexturedPoints, print.around(starts.front()), out.used);
     if (!term) return {};
+    out.kind = term->kind();
     out.angle = rotation_angle(measurement.pose(), truth_);
     out.distance = translation_distance(measurement.pose(), truth_);
     return out;
@@ -131,6 +133,15 @@ TEST_F(PrintedCard, TheStartFromWhichMostAreFoundCounts) {
   EXPECT_LT(measured.distance, 5e-4);
   const std::array turned_around{starts[1], starts[0]};
   EXPECT_EQ(measure(turned_around, tuning::kPrintRounds).used, measured.used);
+}
+
+TEST_F(PrintedCard, FewPointsAreSaidToBeFew) {
+  const Rigid3 start = off_by(0.01, 0.001);
+  EXPECT_EQ(measure({&start, 1}, tuning::kPrintRounds).kind, "texture");
+  const Rigid3 far = off_by(0.08, 0);
+  const Measured few = measure({&far, 1}, 1);
+  EXPECT_LT(few.used, tuning::kTexturedPoints);
+  EXPECT_EQ(few.kind, "sparse_texture");
 }
 
 TEST_F(PrintedCard, IsNotFoundWhereItIsNot) {

@@ -26,7 +26,7 @@ class PoseTerm {
  public:
   virtual ~PoseTerm() = default;
   virtual LinearizedTerm linearize(const Rigid3& world_from_object) const = 0;
-  /// "fiducial", "region", "edge", "texture", "frozen".
+  /// "fiducial", "region", "edge", "detection", "texture", "sparse_texture", "frozen".
   virtual std::string_view kind() const = 0;
 };
 using PoseTermPtr = std::shared_ptr<const PoseTerm>;

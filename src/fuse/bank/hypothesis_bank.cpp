@@ -66,6 +66,7 @@ bool HypothesisBank::refuted(Time time, std::span<const Observation> observation
 namespace {
 
 // Whether the newest measurements are of outline and edges alone: those can lie on the wrong ones.
+// Few points of one side say as little of its tilt.
 void record_outline_only(std::span<const Observation> set, const Outcome* best, BankState& state) {
   bool any = false, outline_only = true;
   for (const Observation& observation : set) {
@@ -73,7 +74,8 @@ void record_outline_only(std::span<const Observation> set, const Outcome* best, 
     for (const PoseTermPtr& term : observation.terms) {
       any = true;
       const std::string_view kind = term->kind();
-      outline_only &= kind == "region" || kind == "edge" || kind == "detection";
+      outline_only &=
+          kind == "region" || kind == "edge" || kind == "detection" || kind == "sparse_texture";
     }
   }
   if (any) state.outline_only = outline_only;

@@ -31,7 +31,8 @@ Vector6 minimum_step(const CameraSystem& system) {
 }
 
 bool sees_shape_only(const PoseTerm& term) {
-  return term.kind() != "fiducial" && term.kind() != "texture" && term.kind() != "frozen";
+  const std::string_view kind = term.kind();
+  return kind != "fiducial" && kind != "texture" && kind != "sparse_texture" && kind != "frozen";
 }
 
 // The facets of a round mesh would tell what its object does not show. A turn about the axis is the

@@ -162,7 +162,7 @@ PoseTermPtr ModelTracker::measure_print(const Frame& frame, const PosePrior& pri
   TexturePoints& points = print_->around(camera_.camera_from_world * starts.front());
   PoseTermPtr term =
       texture_.measure(frame.gray(), prior, starts, kPrintRounds, outline_.occluders(), ambiguous,
-                       camera_.options.print_error, points, result.points_used);
+                       camera_.options.print_error, kTexturedPoints, points, result.points_used);
   result.by_print = term != nullptr;
   return term;
 }
@@ -179,7 +179,7 @@ void ModelTracker::make_terms(const Frame& frame, const PosePrior& prior,
   PoseTermPtr points = measure_print(frame, prior, starts, prediction.ambiguous, result);
   if (!points && texture != nullptr) {
     points = texture_.measure(frame.gray(), prior, {&out.fitted, 1}, 1, outline_.occluders(),
-                              prediction.ambiguous, camera_.options.texture_error, *texture,
+                              prediction.ambiguous, camera_.options.texture_error, 0, *texture,
                               result.points_used);
   }
   if (points) terms.push_back(std::move(points));

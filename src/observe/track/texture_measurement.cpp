@@ -56,7 +56,8 @@ void TextureMeasurement::find(const PlaneView& gray, const PosePrior& prior,
 PoseTermPtr TextureMeasurement::measure(const PlaneView& gray, const PosePrior& prior,
                                         std::span<const Rigid3> starts, int rounds,
                                         const Occluders& occluders, bool ambiguous,
-                                        const ViewError& error, TexturePoints& points, int& used) {
+                                        const ViewError& error, size_t enough,
+                                        TexturePoints& points, int& used) {
   const TrackerOptions& options = camera_.options;
   find(gray, prior, starts, rounds, occluders, ambiguous, points);
   if (found_.size() < kMinPoints || !linearize()) return nullptr;
@@ -77,8 +78,9 @@ PoseTermPtr TextureMeasurement::measure(const PlaneView& gray, const PosePrior& 
   }
   used = static_cast<int>(matches.size());
   if (matches.size() < kMinPoints) return nullptr;
+  const char* const kind = matches.size() < enough ? "sparse_texture" : "texture";
   return std::make_shared<ReprojectionTerm>(camera_.owner, std::move(matches), options.huber, error,
-                                            "texture");
+                                            kind);
 }
 
 }  // namespace sightline::observe

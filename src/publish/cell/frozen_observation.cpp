@@ -18,7 +18,7 @@ constexpr double kMetersPerRadian = 0.25;  // of distances between references
 FrozenKind kind_of(const PoseTerm& term) {
   const std::string_view kind = term.kind();
   if (kind == "fiducial") return FrozenKind::kFiducial;
-  if (kind == "texture") return FrozenKind::kTexture;
+  if (kind == "texture" || kind == "sparse_texture") return FrozenKind::kTexture;
   if (kind == "region" || kind == "edge" || kind == "detection") return FrozenKind::kOutline;
   return FrozenKind::kOther;
 }
