@@ -86,10 +86,9 @@ class PrintedCard : public testing::Test {
     PrintPoints print(camera_.camera->model, factory);
     Matrix6 covariance = Matrix6::Identity() * 0.02;  // it is not known where it is
     const PosePrior prior(starts.front(), covariance, 0, 0);
-    TextureMeasurement measurement(camera_);
+    TextureMeasurement measurement(camera_, {camera_.options.print_error, rounds, enough});
     Measured out;
-    const PoseTermPtr term = measurement.measure(seen_.image(), prior, starts, rounds, {}, false,
-                                                 camera_.options.print_error, enough,
+    const PoseTermPtr term = measurement.measure(seen_.image(), prior, starts, {}, false,
                                                  print.around(starts.front()), out.used);
     if (!term) return {};
     out.kind = term->kind();

@@ -112,6 +112,26 @@ class Print : public testing::Test {
     return out;
   }
 
+  /// What its camera makes of a frame in which it is followed at its true pose.
+  struct Followed {
+    ObjectTracker::TrackResult result;
+    Observation observation;
+  };
+  static Followed followed_in(const FramePtr& frame) {
+    PoseEstimate estimate;
+    estimate.object = ObjectId(0);
+    estimate.time = estimate.last_measured = frame->info().capture;
+    estimate.state = TrackState::kTracking;
+    estimate.world_from_object = truth_;
+    estimate.covariance.diagonal().head<6>().setConstant(1e-5);
+    const std::vector<PoseTrackPtr> tracks = {std::make_shared<const PoseTrack>(
+        ObjectId(0), std::vector<PoseEstimate>{estimate}, MotionNoise())};
+    const auto observer = CameraObserver::create(unmarked(), *rig_, frame->info().camera).value();
+    std::vector<Observation> out;
+    observer->tracker().step(*frame, tracks, out);
+    return {observer->tracker().last_result(0), out.at(0)};
+  }
+
   static inline std::unique_ptr<Rig> rig_;
   static inline std::vector<DetectorCamera> cameras_;
   static inline std::vector<FramePtr> frames_;
@@ -281,7 +301,6 @@ TEST_F(Print, HoldsItWhereNoOutlineShows) {
 // In light through a grille, by another white: point by point it is there, as a whole it does not
 // look like it.
 TEST_F(Print, PointsInPlaceCountForMoreThanHowItLooksAsAWhole) {
-  const Installation installation = unmarked();
   const FramePtr& frame = frames_.front();
   auto image = std::make_shared<Image>(frame->info().width, frame->info().height);
   frame->copy_i420_to(image->mutable_view());
@@ -303,22 +322,43 @@ TEST_F(Print, PointsInPlaceCountForMoreThanHowItLooksAsAWhole) {
   const Time time = frame->info().capture;
   EXPECT_LT(verifier->correlation(truth_, Vector6::Zero(), time), 0.25);
 
-  PoseEstimate estimate;
-  estimate.object = ObjectId(0);
-  estimate.time = estimate.last_measured = time;
-  estimate.state = TrackState::kTracking;
-  estimate.world_from_object = truth_;
-  estimate.covariance.diagonal().head<6>().setConstant(1e-5);
-  const std::vector<PoseTrackPtr> tracks = {std::make_shared<const PoseTrack>(
-      ObjectId(0), std::vector<PoseEstimate>{estimate}, MotionNoise())};
-  const auto observer = CameraObserver::create(installation, *rig_, frame->info().camera).value();
-  std::vector<Observation> out;
-  observer->tracker().step(*seen, tracks, out);
-  const auto& result = observer->tracker().last_result(0);
+  const auto [result, observation] = followed_in(seen);
   EXPECT_TRUE(result.seen);
   EXPECT_GE(result.points_used, 12);
-  ASSERT_EQ(out.size(), 1u);
-  EXPECT_FALSE(out.front().terms.empty());
+  EXPECT_FALSE(observation.terms.empty());
+}
+
+// Its outline and, from afar, its colors; but nothing of what is printed on it.
+TEST_F(Print, AnotherBoxOfItsShapeIsMissingIt) {
+  const FramePtr& frame = frames_.front();
+  const CalibratedCamera& camera = cameras_[frame->info().camera.index()].calibration;
+  const DepthTile tile = mesh_depth_renderer_factory(carton().mesh)(camera.model)
+                             ->render(camera.world_from_camera.inverse() * truth_);
+  const auto image = std::make_shared<Image>(frame->info().width, frame->info().height);
+  frame->copy_i420_to(image->mutable_view());
+  const PlaneView sharp = frame->gray();
+  for (int y = 0; y < tile.height; ++y) {
+    for (int x = 0; x < tile.width; ++x) {
+      if (!(tile.row(y)[x] > 0)) continue;
+      int sum = 0, count = 0;
+      for (int v = -10; v <= 10; ++v) {
+        for (int u = -10; u <= 10; ++u) {
+          if (!(tile.at(tile.x + x + u, tile.y + y + v) > 0)) continue;
+          sum += sharp.row(tile.y + y + v)[tile.x + x + u];
+          ++count;
+        }
+      }
+      image->mutable_view().y.row(tile.y + y)[tile.x + x] = static_cast<uint8_t>(sum / count);
+    }
+  }
+  const auto [result, observation] = followed_in(Frame::decoded(frame->info(), image));
+  EXPECT_TRUE(result.seen);
+  ASSERT_TRUE(observation.picture);
+  EXPECT_EQ(observation.picture->missing, 1);
+  const auto [as_it_is, right] = followed_in(frame);
+  EXPECT_TRUE(as_it_is.by_print);
+  ASSERT_TRUE(right.picture);
+  EXPECT_LT(right.picture->missing, 0.1);
 }
 
 TEST_F(Print, IsNotAskedOfWhatIsNotMeasuredByTexture) {

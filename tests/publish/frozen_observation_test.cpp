@@ -117,11 +117,9 @@ TEST(FrozenObservation, WhatSawNothingSaysNothing) {
 
 // The estimator's rules go by them: for cameras of other hosts as for those here.
 TEST(FrozenObservation, KindsComeBack) {
-  const std::pair<std::string_view, std::string_view> kinds[] = {{"fiducial", "fiducial"},
-                                                                 {"texture", "texture"},
-                                                                 {"region", "region"},
-                                                                 {"edge", "region"},
-                                                                 {"detection", "region"}};
+  const std::pair<std::string_view, std::string_view> kinds[] = {
+      {"fiducial", "fiducial"}, {"texture", "texture"}, {"sparse_texture", "region"},
+      {"region", "region"},     {"edge", "region"},     {"detection", "region"}};
   for (const auto& [kind, expected] : kinds) {
     Observation o = observation();
     o.terms = {std::make_shared<PullTo>(kTrue, kind)};

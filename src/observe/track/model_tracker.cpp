@@ -20,7 +20,8 @@ ModelTracker::ModelTracker(const TrackerCamera& camera, const TrackedObject& obj
       fit_(camera),
       region_(camera),
       edges_(camera),
-      texture_(camera) {
+      texture_(camera, {camera.options.texture_error}),
+      print_measurement_(camera, {camera.options.print_error, kPrintRounds, kTexturedPoints}) {
   if (object.print) print_ = std::make_unique<PrintPoints>(camera.camera->model, object.print);
 }
 
@@ -93,6 +94,16 @@ OutlineAgreement ModelTracker::find_outline(const Look& look, const ColorHistogr
   return all;
 }
 
+bool ModelTracker::print_missing() const {
+  if (!print_) return false;
+  const bool expected = print_->tried() >= size_t{kTexturedPoints};
+  return print_->given_up() || (expected && print_measurement_.found() < kLeadingPoints);
+}
+
+bool print_in_place(const ObjectTracker::TrackResult& result) {
+  return result.by_print && result.points_used >= kTexturedPoints;
+}
+
 size_t ModelTracker::aspect() const {
   const Rigid3 object_from_camera = outline_.camera_from_object().inverse();
   return Appearance::aspect_of(
@@ -147,8 +158,8 @@ ModelTracker::Measurement ModelTracker::measure(const Frame& frame, const Predic
   // Its outline may be covered, by a hand for instance.
   const Rigid3& pose = prediction.world_from_object;
   PoseTermPtr print = measure_print(frame, prior, {&pose, 1}, prediction.ambiguous, result);
-  if (print && result.points_used >= kTexturedPoints) {
-    out.fitted = texture_.pose();
+  if (print_in_place(result)) {
+    out.fitted = print_measurement_.pose();
     result.seen = result.by_print_alone = true;
     terms.push_back(std::move(print));
   }
@@ -160,9 +171,8 @@ PoseTermPtr ModelTracker::measure_print(const Frame& frame, const PosePrior& pri
                                         ObjectTracker::TrackResult& result) {
   if (!print_) return nullptr;
   TexturePoints& points = print_->around(camera_.camera_from_world * starts.front());
-  PoseTermPtr term =
-      texture_.measure(frame.gray(), prior, starts, kPrintRounds, outline_.occluders(), ambiguous,
-                       camera_.options.print_error, kTexturedPoints, points, result.points_used);
+  PoseTermPtr term = print_measurement_.measure(frame.gray(), prior, starts, outline_.occluders(),
+                                                ambiguous, points, result.points_used);
   result.by_print = term != nullptr;
   return term;
 }
@@ -178,15 +188,14 @@ void ModelTracker::make_terms(const Frame& frame, const PosePrior& prior,
   const std::array starts{out.fitted, prediction.world_from_object};
   PoseTermPtr points = measure_print(frame, prior, starts, prediction.ambiguous, result);
   if (!points && texture != nullptr) {
-    points = texture_.measure(frame.gray(), prior, {&out.fitted, 1}, 1, outline_.occluders(),
-                              prediction.ambiguous, camera_.options.texture_error, 0, *texture,
-                              result.points_used);
+    points = texture_.measure(frame.gray(), prior, {&out.fitted, 1}, outline_.occluders(),
+                              prediction.ambiguous, *texture, result.points_used);
   }
   if (points) terms.push_back(std::move(points));
   // Where the print is in place, the outline adds its own errors only: a white rim before a white
   // wall pulls it by pixels.
-  const bool placed = result.by_print && result.points_used >= kTexturedPoints;
-  if (placed) out.fitted = texture_.pose();
+  const bool placed = print_in_place(result);
+  if (placed) out.fitted = print_measurement_.pose();
   if (object_.modalities.region && !placed) {
     OutlineAgreement doubted = agreement;
     if (print_ && print_->tried() >= size_t{kTexturedPoints}) doubted.scale *= kOutlineWithoutPrint;

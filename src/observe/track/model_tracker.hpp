@@ -52,6 +52,9 @@ class ModelTracker {
   /// measured.
   const PlacedOutline& outline() const { return outline_; }
 
+  /// The print of the sides in sight is not there in the last image: covered, or another object.
+  bool print_missing() const;
+
  private:
   /// What a frame is measured with: around where, and how far that may be off.
   struct Look {
@@ -82,9 +85,12 @@ class ModelTracker {
   OutlineFit fit_;
   RegionMeasurement region_;
   EdgeMeasurement edges_;
-  TextureMeasurement texture_;
+  TextureMeasurement texture_, print_measurement_;
   std::unique_ptr<PrintPoints> print_;  ///< null: the mesh has none
   const LocalColors nothing_local_;
 };
+
+/// Whether so many points of the print are found that nothing else need say where the object is.
+bool print_in_place(const ObjectTracker::TrackResult& result);
 
 }  // namespace sightline::observe

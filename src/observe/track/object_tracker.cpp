@@ -160,7 +160,9 @@ void ObjectTracker::Impl::check_picture(State& state, const Frame& frame, const 
   const observe::ColorReader image(frame.i420());
   const observe::Occluders& occluders = state.tracker.outline().occluders();
   if (state.last.seen) {
-    out.picture = state.picture->examine(image, pose, occluders);
+    // Before colors: what is printed on the object is told from anything else.
+    out.picture = state.tracker.print_missing() ? PictureAgreement{0, 1}
+                                                : state.picture->examine(image, pose, occluders);
   } else if (state.picture->must_show(image, pose, occluders)) {
     out.picture = PictureAgreement{0, 1};
   }
@@ -236,9 +238,7 @@ void ObjectTracker::Impl::track(State& state, const Frame& frame, const PoseAt& 
   state.last = measured.result;
   state.last.learned = learned;
   // So many of its points in place are a print that is there, however it looks as a whole.
-  const bool placed =
-      state.last.by_print && state.last.points_used >= observe::tuning::kTexturedPoints;
-  if (state.last.seen && state.object.printed && !placed &&
+  if (state.last.seen && state.object.printed && !observe::print_in_place(state.last) &&
       observe::print_agreement(frame, measured.fitted, camera_, state.object) <
           observe::tuning::kPrintRefuted) {
     state.last.seen = false;  // an outline that fits something else, or too little of the object

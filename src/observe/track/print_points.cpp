@@ -54,9 +54,15 @@ void PrintPoints::render(const Rigid3& camera_from_object) {
   rendered_ = true;
   rendered_at_ = camera_from_object;
   since_ = 0;
+  made_ = 0;
   const PrintTile tile = renderer_->render(camera_from_object);
   if (tile.depth.width < 3 || tile.depth.height < 3) return;
   points_.take(smoothed(tile, smooth_), tile.depth, camera_from_object);
+  made_ = points_.kept();
+}
+
+bool PrintPoints::given_up() const {
+  return made_ >= size_t{kTexturedPoints} && points_.kept() < kMinPoints;
 }
 
 }  // namespace sightline::observe

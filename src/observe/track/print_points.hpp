@@ -19,6 +19,8 @@ class PrintPoints {
   TexturePoints& around(const Rigid3& camera_from_object);
   /// Of them, in the last image: on sides that are seen well enough.
   size_t tried() const { return points_.tried(); }
+  /// There were enough, and image after image did not show them.
+  bool given_up() const;
 
  private:
   bool outdated(const Rigid3& camera_from_object) const;
@@ -28,7 +30,8 @@ class PrintPoints {
   TexturePoints points_;
   Rigid3 rendered_at_;
   bool rendered_ = false;
-  int since_ = 0;  ///< calls since it was rendered
+  int since_ = 0;    ///< calls since it was rendered
+  size_t made_ = 0;  ///< points then
   std::vector<uint8_t> smooth_;
 };
 

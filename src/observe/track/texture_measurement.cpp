@@ -29,13 +29,13 @@ bool TextureMeasurement::linearize() {
 }
 
 void TextureMeasurement::find(const PlaneView& gray, const PosePrior& prior,
-                              std::span<const Rigid3> starts, int rounds,
-                              const Occluders& occluders, bool ambiguous, TexturePoints& points) {
+                              std::span<const Rigid3> starts, const Occluders& occluders,
+                              bool ambiguous, TexturePoints& points) {
   found_.clear();
   bool first = true;
   for (const Rigid3& start : starts) {
     Rigid3 at = start;
-    for (int round = 0; round < rounds; ++round) {
+    for (int round = 0; round < rules_.rounds; ++round) {
       // What is missed counts once.
       points.find(gray, camera_.camera_from_world * at, occluders, ambiguous || !first);
       first = false;
@@ -46,7 +46,7 @@ void TextureMeasurement::find(const PlaneView& gray, const PosePrior& prior,
       if (found_.size() >= kTexturedPoints && 10 * found_.size() >= kMostPoints * points.tried()) {
         return;
       }
-      if (round + 1 == rounds || found_.size() < kLeadingPoints || !linearize()) break;
+      if (round + 1 == rules_.rounds || found_.size() < kLeadingPoints || !linearize()) break;
       at = at_ * Rigid3::exp(fit_lines(residuals_, prior.information, prior.offset_of(at_),
                                        camera_.options.huber));
     }
@@ -54,12 +54,10 @@ void TextureMeasurement::find(const PlaneView& gray, const PosePrior& prior,
 }
 
 PoseTermPtr TextureMeasurement::measure(const PlaneView& gray, const PosePrior& prior,
-                                        std::span<const Rigid3> starts, int rounds,
-                                        const Occluders& occluders, bool ambiguous,
-                                        const ViewError& error, size_t enough,
-                                        TexturePoints& points, int& used) {
+                                        std::span<const Rigid3> starts, const Occluders& occluders,
+                                        bool ambiguous, TexturePoints& points, int& used) {
   const TrackerOptions& options = camera_.options;
-  find(gray, prior, starts, rounds, occluders, ambiguous, points);
+  find(gray, prior, starts, occluders, ambiguous, points);
   if (found_.size() < kMinPoints || !linearize()) return nullptr;
   const Vector6 step =
       fit_lines(residuals_, prior.information, prior.offset_of(at_), options.huber);
@@ -78,9 +76,9 @@ PoseTermPtr TextureMeasurement::measure(const PlaneView& gray, const PosePrior& 
   }
   used = static_cast<int>(matches.size());
   if (matches.size() < kMinPoints) return nullptr;
-  const char* const kind = matches.size() < enough ? "sparse_texture" : "texture";
-  return std::make_shared<ReprojectionTerm>(camera_.owner, std::move(matches), options.huber, error,
-                                            kind);
+  const char* const kind = matches.size() < rules_.enough ? "sparse_texture" : "texture";
+  return std::make_shared<ReprojectionTerm>(camera_.owner, std::move(matches), options.huber,
+                                            rules_.error, kind);
 }
 
 }  // namespace sightline::observe

@@ -13,26 +13,32 @@ namespace sightline::observe {
 /// The texture points found at a fitted pose, as a term of kind "texture" or "sparse_texture".
 class TextureMeasurement {
  public:
-  explicit TextureMeasurement(const TrackerCamera& camera) : camera_(camera) {}
+  struct Rules {
+    ViewError error;    ///< what all points may be wrong by together
+    int rounds = 1;     ///< around each start, each from where the points of the one before lead
+    size_t enough = 0;  ///< points, that are more than a "sparse_texture"
+  };
+  TextureMeasurement(const TrackerCamera& camera, const Rules& rules)
+      : camera_(camera), rules_(rules) {}
 
   /// `starts`: poses world_from_object that points are searched around, from the second on only
-  /// while few are found; with `rounds` of more than one around each once more from where they
-  /// lead. Null if too few points agree; of kind "sparse_texture" if less than `enough` do.
-  /// `error`: what all may be wrong by together. `used`: points of the term, or that agreed.
+  /// while few are found. Null if too few points agree. `used`: points of the term, or that agreed.
   PoseTermPtr measure(const PlaneView& gray, const PosePrior& prior, std::span<const Rigid3> starts,
-                      int rounds, const Occluders& occluders, bool ambiguous,
-                      const ViewError& error, size_t enough, TexturePoints& points, int& used);
+                      const Occluders& occluders, bool ambiguous, TexturePoints& points, int& used);
+  /// Points that the last image showed, agreeing or not.
+  size_t found() const { return found_.size(); }
   /// The pose of the last term, with the prior.
   const Rigid3& pose() const { return pose_; }
 
  private:
   /// Into found_ and at_, from the best of the starts.
   void find(const PlaneView& gray, const PosePrior& prior, std::span<const Rigid3> starts,
-            int rounds, const Occluders& occluders, bool ambiguous, TexturePoints& points);
+            const Occluders& occluders, bool ambiguous, TexturePoints& points);
   /// Into residuals_, by the pose at_; false if one cannot be projected.
   bool linearize();
 
   const TrackerCamera& camera_;
+  const Rules rules_;
   Rigid3 pose_;
   Rigid3 at_;
   std::vector<TexturePoints::Found> found_;

@@ -18,7 +18,9 @@ constexpr double kMetersPerRadian = 0.25;  // of distances between references
 FrozenKind kind_of(const PoseTerm& term) {
   const std::string_view kind = term.kind();
   if (kind == "fiducial") return FrozenKind::kFiducial;
-  if (kind == "texture" || kind == "sparse_texture") return FrozenKind::kTexture;
+  if (kind == "texture") return FrozenKind::kTexture;
+  // Claims go by them as by an outline; that they may tell turns about an axis is given up.
+  if (kind == "sparse_texture") return FrozenKind::kOutline;
   if (kind == "region" || kind == "edge" || kind == "detection") return FrozenKind::kOutline;
   return FrozenKind::kOther;
 }
