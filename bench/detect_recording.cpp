@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "figures.hpp"
+#include "sightline/observe/detect/detection_policy.hpp"
 #include "sightline/observe/detect/object_detector.hpp"
 #include "sightline/observe/features/feature_detector.hpp"
 #include "sightline/pipeline/replay_library.hpp"
@@ -75,6 +76,10 @@ Result<std::map<Time, Rigid3>> truth_of(const Recording& recording, const std::s
   return truth;
 }
 
+double agreement(const ColorVerifier* colors, const ProposedPose& pose, Time time) {
+  return colors == nullptr ? 0 : colors->correlation(pose.world_from_object, pose.twist, time);
+}
+
 // Counts what was found, and says it in words.
 std::string judge(const Detection& found, const Rigid3& truth, Score& score) {
   const PoseError error = pose_error(truth, found.poses.front().world_from_object);
@@ -113,7 +118,15 @@ Result<Score> play(const Arguments& arguments) {
   const RigObject& object = rig.objects.front();
   const auto cameras = chosen_cameras(installation, arguments.cameras);
   SL_ASSIGN(auto finder, FeatureDetector::create(object.features, cameras));
-  SL_ASSIGN(auto detector, ObjectDetector::create(ObjectId(0), object.views, cameras));
+  const DetectorOptions options;
+  const DetectionPolicy policy(object.shape_symmetry, options.accept, object.printed);
+  std::unique_ptr<ColorVerifier> colors;
+  if (object.samples) {
+    SL_ASSIGN(colors, ColorVerifier::create(*object.samples, cameras));
+  }
+  SL_ASSIGN(auto detector,
+            ObjectDetector::create(ObjectId(0), object.views, cameras,
+                                   DetectionPolicy::detector_options(options, colors != nullptr)));
   SL_ASSIGN(auto replay, VirtualReplay::open(recording, {}, time_offsets(*recording, installation),
                                              axis_histories(*recording, installation)));
   Score score;
@@ -127,11 +140,13 @@ Result<Score> play(const Arguments& arguments) {
     for (const FramePtr& frame : *frames) {
       finder->add_frame(frame->info().camera, *frame);
       detector->add_frame(frame->info().camera, *frame);
+      if (colors) colors->add_frame(frame->info().camera, *frame);
     }
     if (seconds < arguments.from || seconds > arguments.to || set % arguments.every != 0) continue;
     const double before = process_cpu_ms();
     const PoseProposals proposals = finder->propose();
-    const Detection found = detector->judge(proposals);
+    const PoseProposals confirmed = policy.confirm(proposals, colors.get());
+    const Detection found = policy.by_features(detector->judge(confirmed), colors.get());
     score.cpu.push_back(process_cpu_ms() - before);
     ++score.sets;
     std::string line = fmt::format("{:6.3f} s: ", seconds);
@@ -141,7 +156,14 @@ Result<Score> play(const Arguments& arguments) {
     } else if (const auto at = truth.find(found.time); at != truth.end()) {
       line += judge(found, at->second, score);
     }
-    for (const ProposedPose& pose : proposals.poses) line += fmt::format(" p{:.2f}", pose.evidence);
+    const auto there = truth.find(proposals.time);
+    for (const ProposedPose& pose : confirmed.poses) {
+      line += fmt::format("; {} matches, evidence {:.2f}, colors {:.2f}", pose.matches,
+                          pose.evidence, agreement(colors.get(), pose, proposals.time));
+      if (there == truth.end()) continue;
+      const PoseError error = pose_error(there->second, pose.world_from_object);
+      line += fmt::format(", {:.1f} mm {:.1f} deg", error.mm, error.deg);
+    }
     for (const DetectedPose& pose : found.poses) line += fmt::format(" d{:.2f}", pose.evidence);
     if (arguments.verbose) fmt::print("{}\n", line);
   }

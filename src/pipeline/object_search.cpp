@@ -69,7 +69,8 @@ Status ObjectSearch::add_target(const Installation& installation, const RigObjec
   target.printed = object.printed;
   SL_ASSIGN(target.colors, make_color_verifier(object, cameras));
   if (object.features) {
-    SL_ASSIGN(target.features, FeatureDetector::create(object.features, cameras));
+    SL_ASSIGN(target.features,
+              FeatureDetector::create(object.features, cameras, {}, run_in_parallel));
   }
   SL_ASSIGN(target.detector, ObjectDetector::create(object.named.id, object.views, cameras,
                                                     DetectionPolicy::detector_options(

@@ -27,7 +27,7 @@ constexpr double kFocal = 600;              // [px]
 constexpr int kPerImage = 150;              // the strongest, so that every side has its share
 constexpr size_t kFewest = 100;             // features with which an object can be found
 constexpr uint8_t kBackground = 128;        // a surface's features are not at its border
-constexpr std::string_view kVersion = "rendered features 4";  // with every change of what is made
+constexpr std::string_view kVersion = "rendered features 5";  // with every change of what is made
 
 // Evenly over the sphere: a spiral whose turns are as far apart as its points (Saff and Kuijlaars,
 // Distributing many points on a sphere, 1997, with the golden angle).

@@ -62,7 +62,7 @@ PoseProposals DetectionPolicy::confirm(PoseProposals proposals, const ColorVerif
   for (ProposedPose& pose : proposals.poses) {
     const double agreement =
         colors->correlation(pose.world_from_object, pose.twist, proposals.time);
-    pose.confirmed = agreement >= kPrintConfirms;
+    pose.confirmed = agreement >= kPrintConfirms || pose.matches >= kMatchesConfirm;
   }
   return proposals;
 }

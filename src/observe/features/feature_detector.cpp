@@ -12,6 +12,7 @@
 #include "observe/features/feature_match.hpp"
 #include "observe/features/orb_features.hpp"
 #include "observe/terms/rig_pose.hpp"
+#include "sightline/base/log.hpp"
 
 namespace sightline {
 
@@ -44,8 +45,11 @@ double spread(const std::vector<RigMatch>& matches, const RigPose& pose) {
 class FeatureDetector::Impl {
  public:
   Impl(std::shared_ptr<const FeatureModel> model, std::vector<DetectorCamera> cameras,
-       const FeatureDetectorOptions& options)
-      : model_(std::move(model)), options_(options) {
+       const FeatureDetectorOptions& options, Executor executor)
+      : model_(std::move(model)),
+        descriptors_(model_->features),
+        options_(options),
+        executor_(std::move(executor)) {
     for (DetectorCamera& camera : cameras) {
       frames_.push_back({camera.id,
                          std::make_shared<const CalibratedCamera>(std::move(camera.calibration)),
@@ -89,7 +93,6 @@ class FeatureDetector::Impl {
     PoseProposals out;
     std::vector<RigView> views;
     std::vector<size_t> cameras;  // by view
-    std::vector<RigMatch> matches;
     for (const GrayFrame& seen : frames_) {
       if (seen.fresh) out.time = std::max(out.time, seen.info.capture);
     }
@@ -97,17 +100,21 @@ class FeatureDetector::Impl {
       GrayFrame& seen = frames_[i];
       if (!seen.fresh || out.time - seen.info.capture > options_.max_age) continue;
       seen.fresh = false;
-      const auto place = earlier == nullptr ? whole(seen) : place_of(*earlier, seen);
-      if (place) match(seen, views.size(), *place, matches);
       views.push_back({seen.calibration, to_seconds(seen.info.capture - out.time)});
       cameras.push_back(i);
     }
+    const std::vector<RigMatch> matches = match(earlier, cameras);
     if (matches.size() < static_cast<size_t>(options_.pose.min_inliers)) return out;
     const auto poses = solve_rig(views, matches, rig_options());
+    log::debug("features: {} matches, {} agree on the best pose", matches.size(),
+               poses.empty() ? 0 : poses.front().inliers.size());
     if (poses.empty() || !certain(views, matches, poses.front())) return out;
     for (const RigPose& pose : poses) {
-      ProposedPose proposed{pose.motion.world_from_object, pose.motion.twist,
-                            evidence(pose, poses.front()), false,
+      ProposedPose proposed{pose.motion.world_from_object,
+                            pose.motion.twist,
+                            evidence(pose, poses.front()),
+                            pose.inliers.size(),
+                            false,
                             std::vector<PoseTermPtr>(frames_.size())};
       if (!(proposed.evidence > 0)) continue;
       for (size_t k = 0; k < views.size(); ++k) proposed.terms[cameras[k]] = pose.terms[k];
@@ -159,6 +166,18 @@ class FeatureDetector::Impl {
                std::max(options_.match.min_per_place, options_.match.per_image / 4)};
   }
 
+  std::vector<RigMatch> match(const Detection* earlier, const std::vector<size_t>& cameras) const {
+    std::vector<std::vector<RigMatch>> by_view(cameras.size());
+    executor_(cameras.size(), [&](size_t view) {
+      const GrayFrame& seen = frames_[cameras[view]];
+      const auto place = earlier == nullptr ? whole(seen) : place_of(*earlier, seen);
+      if (place) match(seen, view, *place, by_view[view]);
+    });
+    std::vector<RigMatch> out;
+    for (const auto& matches : by_view) out.insert(out.end(), matches.begin(), matches.end());
+    return out;
+  }
+
   // One match for every place of the image and of the object, the one that differs least.
   void match(const GrayFrame& seen, size_t view, const Box& place,
              std::vector<RigMatch>& out) const {
@@ -167,32 +186,38 @@ class FeatureDetector::Impl {
     const auto features =
         orb_features(gray, place.x0, place.y0, place.x1, place.y1, place.max, nullptr);
     std::vector<NearestTrained> nearest(features.size());
-    match_features(features, model_->features, static_cast<float>(options_.match.other_place),
-                   nearest);
+    match_features(features, descriptors_, static_cast<float>(options_.match.other_place), nearest);
     std::vector<size_t> order;
     for (size_t i = 0; i < features.size(); ++i) {
       const NearestTrained& n = nearest[i];
-      if (n.bits <= options_.match.max_bits && n.bits <= options_.match.ratio * n.other)
+      if (n.index != NearestTrained::kNone && n.bits <= options_.match.max_bits &&
+          n.bits <= options_.match.ratio * n.other)
         order.push_back(i);
     }
     std::stable_sort(order.begin(), order.end(),
                      [&](size_t a, size_t b) { return nearest[a].bits < nearest[b].bits; });
-    const size_t first = out.size();
     for (const size_t i : order) {
-      const TrainedFeature& trained = model_->features[nearest[i].index];
-      const RigMatch made{view,
-                          {trained.point.cast<double>(), features[i].pixel,
-                           options_.match.sigma_px * std::max(1.0, features[i].scale)},
-                          trained.view.cast<double>()};
-      const bool known = std::any_of(
-          out.begin() + static_cast<ptrdiff_t>(first), out.end(), [&](const RigMatch& other) {
-            return (other.match.pixel - made.match.pixel).norm() < options_.match.same_px &&
-                   (other.match.point_in_object - made.match.point_in_object).norm() <
-                       options_.match.same_place;
-          });
-      if (!known) out.push_back(made);
+      add_match(camera, view, features[i], model_->features[nearest[i].index], out);
     }
-    share_noise({out.begin() + static_cast<ptrdiff_t>(first), out.end()});
+    share_noise(out);
+  }
+
+  void add_match(const CameraModel& camera, size_t view, const OrbFeature& feature,
+                 const TrainedFeature& trained, std::vector<RigMatch>& out) const {
+    const auto patch = image_patch(camera, feature.pixel, feature.angle, kOrbPatch * feature.scale);
+    if (!patch) return;
+    const RigMatch made{view,
+                        {trained.point.cast<double>(), feature.pixel,
+                         options_.match.sigma_px * std::max(1.0, feature.scale)},
+                        {trained.view.cast<double>(), trained.normal.cast<double>(),
+                         trained.direction.cast<double>(), static_cast<double>(trained.size)},
+                        *patch};
+    const bool known = std::any_of(out.begin(), out.end(), [&](const RigMatch& other) {
+      return (other.match.pixel - made.match.pixel).norm() < options_.match.same_px &&
+             (other.match.point_in_object - made.match.point_in_object).norm() <
+                 options_.match.same_place;
+    });
+    if (!known) out.push_back(made);
   }
 
   // Errors of what lies close together are correlated: each counts for its share.
@@ -213,7 +238,8 @@ class FeatureDetector::Impl {
     }
     const double likely =
         1 - std::exp((options_.evidence.chance - pose.support) / options_.evidence.usual);
-    return options_.evidence.max * likely * std::sqrt(pose.support / best.support);
+    const double share = pose.support / best.support;
+    return options_.evidence.max * likely * share * share;
   }
 
   // A flat thing that one camera alone sees from the front: its tilt shows in second order only, in
@@ -251,7 +277,9 @@ class FeatureDetector::Impl {
   }
 
   std::shared_ptr<const FeatureModel> model_;
-  FeatureDetectorOptions options_;
+  const TrainedDescriptors descriptors_;
+  const FeatureDetectorOptions options_;
+  const Executor executor_;
   std::vector<GrayFrame> frames_;
   Eigen::Vector3d middle_ = Eigen::Vector3d::Zero();  // of the trained places, object frame
   double radius_ = 0;                                 // about it
@@ -259,7 +287,7 @@ class FeatureDetector::Impl {
 
 Result<std::unique_ptr<FeatureDetector>> FeatureDetector::create(
     std::shared_ptr<const FeatureModel> model, std::vector<DetectorCamera> cameras,
-    const FeatureDetectorOptions& o) {
+    const FeatureDetectorOptions& o, Executor executor) {
   const std::string where = "feature detector";
   const FeatureMatchOptions& match = o.match;
   const FeaturePoseOptions& pose = o.pose;
@@ -274,8 +302,8 @@ Result<std::unique_ptr<FeatureDetector>> FeatureDetector::create(
       o.max_age < Duration(0) || !(o.max_displacement >= 0)) {
     return make_error(ErrorCode::kInvalidInput, where, "an option is out of range");
   }
-  return std::unique_ptr<FeatureDetector>(
-      new FeatureDetector(std::make_unique<Impl>(std::move(model), std::move(cameras), o)));
+  return std::unique_ptr<FeatureDetector>(new FeatureDetector(
+      std::make_unique<Impl>(std::move(model), std::move(cameras), o, std::move(executor))));
 }
 
 FeatureDetector::FeatureDetector(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}

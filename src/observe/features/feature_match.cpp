@@ -6,13 +6,21 @@
 
 namespace sightline::observe {
 
-void match_features_scalar(std::span<const OrbFeature> seen,
-                           std::span<const TrainedFeature> trained, float elsewhere,
-                           std::span<NearestTrained> out) {
-  for (size_t i = 0; i < seen.size(); ++i) out[i] = nearest_to(seen[i], trained, elsewhere);
+TrainedDescriptors::TrainedDescriptors(std::span<const TrainedFeature> trained) {
+  for (const TrainedFeature& feature : trained) {
+    descriptors_.push_back(feature.descriptor);
+    std::copy_n(feature.descriptor.begin(), sizeof(DescriptorHalf), halves_.emplace_back().begin());
+    points_.push_back(feature.point);
+  }
+  halves_.resize((points_.size() + kBlock - 1) / kBlock * kBlock);
 }
 
-void match_features(std::span<const OrbFeature> seen, std::span<const TrainedFeature> trained,
+void match_features_scalar(std::span<const OrbFeature> seen, const TrainedDescriptors& trained,
+                           float elsewhere, std::span<NearestTrained> out) {
+  find_nearest(seen, trained, elsewhere, out);
+}
+
+void match_features(std::span<const OrbFeature> seen, const TrainedDescriptors& trained,
                     float elsewhere, std::span<NearestTrained> out) {
 #ifdef SIGHTLINE_X86_64
   // What has AVX2 has it too.

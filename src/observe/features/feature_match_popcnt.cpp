@@ -3,10 +3,9 @@
 
 namespace sightline::observe {
 
-void match_features_popcnt(std::span<const OrbFeature> seen,
-                           std::span<const TrainedFeature> trained, float elsewhere,
-                           std::span<NearestTrained> out) {
-  for (size_t i = 0; i < seen.size(); ++i) out[i] = nearest_to(seen[i], trained, elsewhere);
+void match_features_popcnt(std::span<const OrbFeature> seen, const TrainedDescriptors& trained,
+                           float elsewhere, std::span<NearestTrained> out) {
+  find_nearest(seen, trained, elsewhere, out);
 }
 
 }  // namespace sightline::observe

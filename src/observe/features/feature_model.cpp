@@ -10,8 +10,8 @@
 namespace sightline {
 namespace {
 
-constexpr std::string_view kMagic = "SLFEATS1";
-constexpr size_t kHeader = 8 + 8 + 4, kFeature = 6 * 4 + 32, kChecksum = 8;
+constexpr std::string_view kMagic = "SLFEATS2";
+constexpr size_t kHeader = 8 + 8 + 4, kFeature = 13 * 4 + 32, kChecksum = 8;
 
 template <typename T>
 void put(std::string& out, const T& value) {
@@ -36,6 +36,8 @@ Eigen::Vector3f take_vector(const char*& at) {
   return {x, y, z};
 }
 
+bool unit(const Eigen::Vector3f& v) { return v.norm() > 0.99f && v.norm() < 1.01f; }
+
 Error damaged(const std::string& where, const std::string& what) {
   return make_error(ErrorCode::kDamaged, where, "{}; train the object again (sightline train)",
                     what);
@@ -59,6 +61,9 @@ std::string format_feature_model(const FeatureModel& model) {
   for (const TrainedFeature& feature : model.features) {
     put(out, feature.point);
     put(out, feature.view);
+    put(out, feature.normal);
+    put(out, feature.direction);
+    put(out, feature.size);
     put(out, feature.descriptor);
   }
   put(out, content_hash(out));
@@ -68,7 +73,9 @@ std::string format_feature_model(const FeatureModel& model) {
 Result<FeatureModel> parse_feature_model(std::string_view bytes, const std::string& where) {
   if (bytes.substr(0, kMagic.size()) != kMagic) {
     return make_error(ErrorCode::kInvalidInput, where,
-                      "is no feature file of this version (it does not start with {})", kMagic);
+                      "is no feature file of this version (it does not start with {}); train the "
+                      "object again (sightline train)",
+                      kMagic);
   }
   if (bytes.size() < kHeader + kChecksum) return damaged(where, "the feature file is cut short");
   const char* at = bytes.data() + kMagic.size();
@@ -88,10 +95,16 @@ Result<FeatureModel> parse_feature_model(std::string_view bytes, const std::stri
     TrainedFeature feature;
     feature.point = take_vector(at);
     feature.view = take_vector(at);
+    feature.normal = take_vector(at);
+    feature.direction = take_vector(at);
+    feature.size = take<float>(at);
     feature.descriptor = take<std::array<uint8_t, 32>>(at);
-    const float length = feature.view.norm();
-    if (!feature.point.allFinite() || !(length > 0.99f && length < 1.01f)) {
+    if (!feature.point.allFinite() || !unit(feature.view)) {
       return damaged(where, fmt::format("feature {} is at no place", i));
+    }
+    if (!unit(feature.normal) || !unit(feature.direction) || !(feature.size > 0) ||
+        !std::isfinite(feature.size)) {
+      return damaged(where, fmt::format("feature {} has no patch", i));
     }
     model.features.push_back(feature);
   }

@@ -5,6 +5,7 @@
 
 #include "observe/features/feature_match.hpp"
 #include "observe/features/orb_features.hpp"
+#include "observe/terms/surface_patch.hpp"
 #include "sightline/observe/features/feature_trainer.hpp"
 
 namespace sightline {
@@ -12,6 +13,7 @@ namespace {
 
 using observe::bits_apart;
 using observe::OrbFeature;
+using observe::SurfacePatch;
 
 /// The surface point under a pixel, camera frame; empty near the outline or where depths jump.
 std::optional<Eigen::Vector3d> surface_at(const CameraModel& camera, const DepthTile& tile,
@@ -29,14 +31,15 @@ std::optional<Eigen::Vector3d> surface_at(const CameraModel& camera, const Depth
   return Eigen::Vector3d(*ray / ray->z() / inverse);
 }
 
-/// How steeply the surface is seen [rad], from the points beside it; steepest where unknown.
-double slant_at(const CameraModel& camera, const DepthTile& tile, const Eigen::Vector2d& pixel,
-                const Eigen::Vector3d& point) {
+/// Unit, towards the camera, from the points beside it; empty where they are unknown.
+std::optional<Eigen::Vector3d> normal_at(const CameraModel& camera, const DepthTile& tile,
+                                         const Eigen::Vector2d& pixel,
+                                         const Eigen::Vector3d& point) {
   const auto right = surface_at(camera, tile, pixel + Eigen::Vector2d(2, 0));
   const auto below = surface_at(camera, tile, pixel + Eigen::Vector2d(0, 2));
-  if (!right || !below) return 1.57;
+  if (!right || !below) return std::nullopt;
   const Eigen::Vector3d normal = (*right - point).cross(*below - point).normalized();
-  return std::acos(std::min(1.0, std::abs(normal.dot(point.normalized()))));
+  return normal.dot(point) < 0 ? normal : -normal;
 }
 
 }  // namespace
@@ -70,10 +73,21 @@ size_t FeatureTrainer::train(const Frame& frame, const CalibratedCamera& camera,
   for (const OrbFeature& feature : seen) {
     if (model_.features.size() >= options_.max) break;
     const auto point = surface_at(camera.model, tile, feature.pixel);
-    if (!point || slant_at(camera.model, tile, feature.pixel, *point) > options_.steepest) continue;
+    const auto patch = observe::image_patch(camera.model, feature.pixel, feature.angle,
+                                            observe::kOrbPatch * feature.scale);
+    const auto normal = point ? normal_at(camera.model, tile, feature.pixel, *point) : std::nullopt;
+    if (!normal || !patch) continue;
+    if (!(-normal->dot(patch->ray) >= std::cos(options_.steepest))) continue;
+    const SurfacePatch surface = observe::surface_patch(*patch, *normal, point->norm());
+    const auto in_object = [&](const Eigen::Vector3d& axis) -> Eigen::Vector3f {
+      return (object_from_camera.rotation * axis).cast<float>();
+    };
     TrainedFeature trained;
     trained.point = (object_from_camera * *point).cast<float>();
-    trained.view = (object_from_camera.translation.cast<float>() - trained.point).normalized();
+    trained.view = in_object(surface.seen_from);
+    trained.normal = in_object(surface.normal);
+    trained.direction = in_object(surface.direction);
+    trained.size = static_cast<float>(surface.size);
     trained.descriptor = feature.descriptor;
     const bool known = std::any_of(
         model_.features.begin(), model_.features.end(), [&](const TrainedFeature& other) {

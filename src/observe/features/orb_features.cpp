@@ -2,6 +2,7 @@
 #include "observe/features/orb_features.hpp"
 
 #include <algorithm>
+#include <numbers>
 #include <opencv2/core.hpp>
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
@@ -17,7 +18,6 @@ constexpr int kMargin = 40;  // of the patches of the coarser levels
 constexpr int kLevels = 5;
 constexpr float kStep = 1.2f;
 constexpr int kFastThreshold = 8;
-constexpr int kPatch = 31;
 // Objects are small in small images: at twice the size a patch covers half as much of them.
 constexpr int kMaxDoubled = 1 << 20;  // [px]
 
@@ -47,8 +47,8 @@ std::vector<OrbFeature> orb_features(const PlaneView& gray, int x0, int y0, int 
     cv::Mat part, mask = use ? make_mask(box, use) : cv::Mat();
     cv::resize(image(box), part, {}, times, times, cv::INTER_LINEAR);
     if (use) cv::resize(mask, mask, part.size(), 0, 0, cv::INTER_NEAREST);
-    const auto orb = cv::ORB::create(max, kStep, kLevels, kPatch, 0, 2, cv::ORB::HARRIS_SCORE,
-                                     kPatch, kFastThreshold);
+    const auto orb = cv::ORB::create(max, kStep, kLevels, kOrbPatch, 0, 2, cv::ORB::HARRIS_SCORE,
+                                     kOrbPatch, kFastThreshold);
     std::vector<cv::KeyPoint> points;
     cv::Mat descriptors;
     orb->detectAndCompute(part, mask, points, descriptors);
@@ -56,7 +56,8 @@ std::vector<OrbFeature> orb_features(const PlaneView& gray, int x0, int y0, int 
       OrbFeature feature;
       feature.pixel = {(static_cast<double>(points[i].pt.x) + 0.5) / times - 0.5 + box.x,
                        (static_cast<double>(points[i].pt.y) + 0.5) / times - 0.5 + box.y};
-      feature.scale = static_cast<double>(points[i].size) / (kPatch * times);
+      feature.angle = static_cast<double>(points[i].angle) * std::numbers::pi / 180;
+      feature.scale = static_cast<double>(points[i].size) / (kOrbPatch * times);
       feature.strength = points[i].response;
       std::copy_n(descriptors.ptr<uint8_t>(static_cast<int>(i)), feature.descriptor.size(),
                   feature.descriptor.begin());

@@ -13,9 +13,12 @@ namespace sightline::observe {
 
 using OrbDescriptor = std::array<uint8_t, 32>;
 
+constexpr int kOrbPatch = 31;  ///< [px] of the finest level
+
 struct OrbFeature {
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
-  double scale = 1;  ///< size of its patch in 31 pixels
+  double angle = 0;  ///< of its orientation [rad], x to y
+  double scale = 1;  ///< size of its patch in `kOrbPatch` pixels
   float strength = 0;
   OrbDescriptor descriptor{};
 };

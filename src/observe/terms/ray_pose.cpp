@@ -6,25 +6,26 @@
 #include <cmath>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
+#include <unordered_map>
 
 #include "sightline/base/log.hpp"
 
 namespace sightline::observe {
 namespace {
 
-constexpr double kMinRayZ = 0.1;            // z of a unit ray that P3P may use
-constexpr size_t kNeighbors = 20;           // in the image, of which some samples are made
-constexpr double kMinDistancePx = 5;        // between the matches of a sample
-constexpr double kMinAreaShare = 0.1;       // area of a sample by the square of its longest side
-constexpr double kMissProbability = 0.001;  // chance that no sample was free of wrong matches
-constexpr size_t kMinMatches = 4;           // of a camera that samples are taken from
-constexpr size_t kMaxHypotheses = 40;       // poses under way
-
-// A match as a ray of its camera.
-struct RayMatch {
-  Eigen::Vector3d ray, point, seen_from;
-  Eigen::Vector2d pixel;
-};
+constexpr double kMinRayZ = 0.1;       // z of a unit ray that P3P may use
+constexpr double kMinDistancePx = 5;   // between the matches of a sample
+constexpr double kMinAreaShare = 0.1;  // area of a sample by the square of its longest side
+constexpr size_t kMinMatches = 4;      // of a camera that samples are taken from
+constexpr size_t kMaxHypotheses = 40;  // poses under way
+constexpr double kOwnSupport = 3.5;    // of a pose by its own sample, at most
+// Of matches that agree with the pose that one of them makes. It is off by its tilt, size and
+// orientation, the more so the farther from it.
+constexpr PatchTolerance kRoughly{0.9, 1.9, 0.05};
+constexpr double kReachShare = 0.4, kReachPx = 4;
+constexpr size_t kMaxGroups = 40;
+constexpr size_t kMaxSeeds = 300, kMaxMembers = 600;  // of a camera: its best matches
+constexpr int kGroupsOfOne = 6;                       // groups that one match is in
 
 struct Scored {
   Rigid3 world_from_object;
@@ -47,15 +48,24 @@ class SplitMix64 {
   uint64_t state_;
 };
 
-using Sample = std::array<const RayMatch*, 3>;
+using Sample = std::array<const RigMatch*, 3>;
+
+// Matches of one camera, the one that they agree with first.
+struct Group {
+  size_t view = 0;
+  std::vector<const RigMatch*> members;
+};
+
+const Eigen::Vector3d& point_of(const RigMatch& match) { return match.match.point_in_object; }
 
 bool well_spread(const Sample& sample) {
-  const Eigen::Vector3d u = sample[1]->point - sample[0]->point;
-  const Eigen::Vector3d v = sample[2]->point - sample[0]->point;
+  const Eigen::Vector3d u = point_of(*sample[1]) - point_of(*sample[0]);
+  const Eigen::Vector3d v = point_of(*sample[2]) - point_of(*sample[0]);
   const double longest = std::max({u.squaredNorm(), v.squaredNorm(), (u - v).squaredNorm()});
   if (u.cross(v).norm() < kMinAreaShare * longest) return false;
   for (size_t i = 0; i < 3; ++i) {
-    if ((sample[i]->pixel - sample[(i + 1) % 3]->pixel).norm() < kMinDistancePx) return false;
+    if ((sample[i]->match.pixel - sample[(i + 1) % 3]->match.pixel).norm() < kMinDistancePx)
+      return false;
   }
   return true;
 }
@@ -64,9 +74,10 @@ bool well_spread(const Sample& sample) {
 std::vector<Rigid3> three_ray_poses(const Sample& sample) {
   std::vector<cv::Point3d> points;
   std::vector<cv::Point2d> places;
-  for (const RayMatch* match : sample) {
-    points.emplace_back(match->point.x(), match->point.y(), match->point.z());
-    places.emplace_back(match->ray.x() / match->ray.z(), match->ray.y() / match->ray.z());
+  for (const RigMatch* match : sample) {
+    const Eigen::Vector3d &point = point_of(*match), &ray = match->seen.ray;
+    points.emplace_back(point.x(), point.y(), point.z());
+    places.emplace_back(ray.x() / ray.z(), ray.y() / ray.z());
   }
   std::vector<Rigid3> poses;
   try {
@@ -94,78 +105,84 @@ class Sampler {
  public:
   Sampler(std::span<const RigView> views, std::span<const RigMatch> matches,
           const RigPoseOptions& options)
-      : views_(views), options_(options), ray_matches_(views.size()), random_(options.seed) {
+      : views_(views), options_(options), matches_(views.size()), random_(options.seed) {
     for (const RigMatch& m : matches) {
-      const auto ray = views[m.view].camera->model.unproject(m.match.pixel);
-      if (!ray || ray->z() < kMinRayZ) continue;
-      ray_matches_[m.view].push_back({*ray, m.match.point_in_object, m.seen_from, m.match.pixel});
+      if (m.seen.ray.z() >= kMinRayZ) matches_[m.view].push_back(&m);
     }
     for (const RigView& view : views) {
       camera_from_world_.push_back(view.camera->world_from_camera.inverse());
     }
-    for (const auto& ray_matches : ray_matches_) neighbors_.push_back(neighbors_of(ray_matches));
   }
 
   std::vector<Scored> run() {
-    size_t all = 0;
-    for (const auto& ray_matches : ray_matches_)
-      all += ray_matches.size() >= kMinMatches ? ray_matches.size() : 0;
-    if (all == 0) return {};
-    double needed = options_.trials;
-    for (int trial = 0; trial < options_.trials && trial < needed; ++trial) {
-      const size_t view = view_of(random_.below(all));
+    const std::vector<Group> groups = chosen(all_groups());
+    for (size_t trial = 0; trial < static_cast<size_t>(options_.trials); ++trial) {
+      if (groups.empty()) break;
+      const Group& group = groups[trial % groups.size()];
       Sample sample;
-      if (!draw(view, trial % 2 == 0, sample)) continue;
+      if (!draw(group.members, sample)) continue;
       for (const Rigid3& camera_from_object : three_ray_poses(sample)) {
-        remember(views_[view].camera->world_from_camera * camera_from_object);
+        remember(views_[group.view].camera->world_from_camera * camera_from_object);
       }
-      needed = trials_needed(all);
     }
     return std::move(best_);
   }
 
  private:
-  static std::vector<std::vector<size_t>> neighbors_of(const std::vector<RayMatch>& ray_matches) {
-    std::vector<std::vector<size_t>> out(ray_matches.size());
-    std::vector<size_t> order;
-    for (size_t i = 0; i < ray_matches.size(); ++i) {
-      order.clear();
-      for (size_t k = 0; k < ray_matches.size(); ++k) {
-        if ((ray_matches[k].pixel - ray_matches[i].pixel).norm() >= kMinDistancePx)
-          order.push_back(k);
+  std::vector<Group> all_groups() const {
+    std::vector<Group> out;
+    for (size_t view = 0; view < views_.size(); ++view) {
+      if (matches_[view].size() < kMinMatches) continue;
+      for (const RigMatch* match : best_of(view, kMaxSeeds)) {
+        for (const Rigid3& pose : patch_poses(match->trained, point_of(*match), match->seen)) {
+          Group group{view, {match}};
+          add_agreeing(pose, group);
+          if (group.members.size() >= kMinMatches) out.push_back(std::move(group));
+        }
       }
-      const auto middle =
-          order.begin() + static_cast<ptrdiff_t>(std::min(kNeighbors, order.size()));
-      std::partial_sort(order.begin(), middle, order.end(), [&](size_t a, size_t b) {
-        const double to_a = (ray_matches[a].pixel - ray_matches[i].pixel).squaredNorm();
-        const double to_b = (ray_matches[b].pixel - ray_matches[i].pixel).squaredNorm();
-        return to_a != to_b ? to_a < to_b : a < b;
-      });
-      out[i].assign(order.begin(), middle);
     }
     return out;
   }
 
-  // The camera that the n-th match belongs to.
-  size_t view_of(size_t n) const {
-    for (size_t i = 0; i < ray_matches_.size(); ++i) {
-      if (ray_matches_[i].size() < kMinMatches) continue;
-      if (n < ray_matches_[i].size()) return i;
-      n -= ray_matches_[i].size();
-    }
-    return 0;
+  std::span<const RigMatch* const> best_of(size_t view, size_t count) const {
+    return std::span(matches_[view]).first(std::min(count, matches_[view].size()));
   }
 
-  bool draw(size_t view, bool local, Sample& sample) {
-    const std::vector<RayMatch>& ray_matches = ray_matches_[view];
-    const size_t first = random_.below(ray_matches.size());
-    const std::vector<size_t>& near = neighbors_[view][first];
-    if (near.size() < 2) return false;
-    const auto another = [&] {
-      return &ray_matches[local ? near[random_.below(near.size())]
-                                : random_.below(ray_matches.size())];
-    };
-    sample = {&ray_matches[first], another(), another()};
+  void add_agreeing(const Rigid3& camera_from_object, Group& group) const {
+    const RigMatch& from = *group.members.front();
+    const Eigen::Matrix3d rotation = camera_from_object.rotation_matrix();
+    const double pixel = 1 / views_[group.view].camera->model.parameters().fx;
+    for (const RigMatch* match : best_of(group.view, kMaxMembers)) {
+      if (match == &from) continue;
+      const Eigen::Vector3d at = rotation * point_of(*match) + camera_from_object.translation;
+      const double reach =
+          kReachShare * (match->seen.ray - from.seen.ray).norm() + kReachPx * pixel;
+      if ((at.normalized() - match->seen.ray).squaredNorm() > reach * reach) continue;
+      if (looks_like(match->trained, rotation, at, match->seen, kRoughly)) {
+        group.members.push_back(match);
+      }
+    }
+  }
+
+  // The largest, of one match a few.
+  static std::vector<Group> chosen(std::vector<Group> groups) {
+    std::stable_sort(groups.begin(), groups.end(), [](const Group& a, const Group& b) {
+      return a.members.size() > b.members.size();
+    });
+    std::vector<Group> out;
+    std::unordered_map<const RigMatch*, int> groups_of;
+    for (Group& group : groups) {
+      if (out.size() == kMaxGroups) break;
+      if (groups_of[group.members.front()] >= kGroupsOfOne) continue;
+      for (const RigMatch* match : group.members) ++groups_of[match];
+      out.push_back(std::move(group));
+    }
+    return out;
+  }
+
+  bool draw(const std::vector<const RigMatch*>& members, Sample& sample) {
+    const auto another = [&] { return members[1 + random_.below(members.size() - 1)]; };
+    sample = {members.front(), another(), another()};
     return well_spread(sample);
   }
 
@@ -175,19 +192,16 @@ class Sampler {
     for (size_t i = 0; i < views_.size(); ++i) {
       const Rigid3 camera_from_object = camera_from_world_[i] * world_from_object;
       const Eigen::Matrix3d rotation = camera_from_object.rotation_matrix();
-      const Eigen::Vector3d eye = -(rotation.transpose() * camera_from_object.translation);
       const double pixel = 1 / views_[i].camera->model.parameters().fx;
       const double motion = options_.slack * std::abs(views_[i].seconds);
-      for (const RayMatch& match : ray_matches_[i]) {
-        const Eigen::Vector3d at = rotation * match.point + camera_from_object.translation;
-        const double along = at.dot(match.ray);
+      for (const RigMatch* match : matches_[i]) {
+        const Eigen::Vector3d at = rotation * point_of(*match) + camera_from_object.translation;
+        const double along = at.dot(match->seen.ray);
         if (along <= 0) continue;
         const double reach = options_.inlier_px * pixel * along + motion;
         const double share = (at.squaredNorm() - along * along) / (reach * reach);
         if (share >= 1) continue;
-        const Eigen::Vector3d back = eye - match.point;
-        if (back.dot(match.seen_from) < options_.facing * back.norm()) continue;
-        sum += 1 - share;
+        if (looks_like(match->trained, rotation, at, match->seen, options_.patch)) sum += 1 - share;
       }
     }
     return sum;
@@ -196,7 +210,7 @@ class Sampler {
   void remember(const Rigid3& world_from_object) {
     const double value = score(world_from_object);
     if (best_.size() == kMaxHypotheses && value <= best_.back().score) return;
-    if (value <= 3.5) return;  // its own sample alone
+    if (value <= kOwnSupport) return;
     for (Scored& known : best_) {
       if (rotation_angle(known.world_from_object, world_from_object) > 0.1 ||
           translation_distance(known.world_from_object, world_from_object) > 0.02)
@@ -213,17 +227,10 @@ class Sampler {
                      [](const Scored& a, const Scored& b) { return a.score > b.score; });
   }
 
-  double trials_needed(size_t all) const {
-    if (best_.empty()) return options_.trials;
-    const double share = std::min(0.99, best_.front().score / static_cast<double>(all));
-    return 50 + std::log(kMissProbability) / std::log(1 - share * share * share);
-  }
-
   std::span<const RigView> views_;
   const RigPoseOptions& options_;
-  std::vector<std::vector<RayMatch>> ray_matches_;  ///< by view
+  std::vector<std::vector<const RigMatch*>> matches_;  ///< by view
   std::vector<Rigid3> camera_from_world_;
-  std::vector<std::vector<std::vector<size_t>>> neighbors_;
   SplitMix64 random_;
   std::vector<Scored> best_;
 };

@@ -111,9 +111,9 @@ std::vector<RigMotion> flipped_motions(std::span<const RigView> views, const Rig
 class Errors {
  public:
   // `slack` [m/s] widens it for images of other times.
-  Errors(std::span<const RigView> views, const RigMotion& motion, double facing, double inlier_px,
-         double slack)
-      : views_(views), facing_(facing) {
+  Errors(std::span<const RigView> views, const RigMotion& motion, const PatchTolerance& patch,
+         double inlier_px, double slack)
+      : views_(views), patch_(patch) {
     for (const RigView& view : views) {
       const double distance =
           (motion.world_from_object.translation - view.camera->world_from_camera.translation)
@@ -123,14 +123,13 @@ class Errors {
                                            std::max(distance, 0.01));
       camera_from_object_.push_back(view.camera->world_from_camera.inverse() *
                                     motion.at(view.seconds));
-      eyes_.push_back(camera_from_object_.back().inverse().translation);
+      rotations_.push_back(camera_from_object_.back().rotation_matrix());
     }
   }
   double operator()(const RigMatch& m) const {
-    const Eigen::Vector3d sight = (eyes_[m.view] - m.match.point_in_object).normalized();
-    if (sight.dot(m.seen_from) < facing_) return 1;
-    const auto pixel =
-        views_[m.view].camera->model.project(camera_from_object_[m.view] * m.match.point_in_object);
+    const Eigen::Vector3d point = camera_from_object_[m.view] * m.match.point_in_object;
+    if (!looks_like(m.trained, rotations_[m.view], point, m.seen, patch_)) return 1;
+    const auto pixel = views_[m.view].camera->model.project(point);
     if (!pixel) return 1;
     return std::min(
         1.0, (*pixel - m.match.pixel).squaredNorm() / (inlier_px_[m.view] * inlier_px_[m.view]));
@@ -138,10 +137,10 @@ class Errors {
 
  private:
   std::span<const RigView> views_;
-  double facing_;
+  const PatchTolerance& patch_;
   std::vector<double> inlier_px_;  // by view
   std::vector<Rigid3> camera_from_object_;
-  std::vector<Eigen::Vector3d> eyes_;  // in the object
+  std::vector<Eigen::Matrix3d> rotations_;
 };
 
 void add_new(RigPose pose, std::vector<RigPose>& out) {
@@ -218,7 +217,7 @@ RigPose judge_rig(std::span<const RigView> views, std::span<const RigMatch> matc
                   double slack) {
   RigPose out;
   out.motion = motion;
-  const Errors errors(views, motion, options.facing, inlier_px, slack);
+  const Errors errors(views, motion, options.patch, inlier_px, slack);
   std::vector<std::vector<PointMatch>> agreeing(views.size());
   for (size_t i = 0; i < matches.size(); ++i) {
     const double error = errors(matches[i]);

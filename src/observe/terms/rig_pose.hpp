@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "observe/terms/rig_motion.hpp"
+#include "observe/terms/surface_patch.hpp"
 #include "sightline/geometry/camera_model.hpp"
 #include "sightline/observe/terms/reprojection_term.hpp"
 
@@ -22,7 +23,8 @@ struct RigView {
 struct RigMatch {
   size_t view = 0;
   PointMatch match;
-  Eigen::Vector3d seen_from;  ///< unit, object frame: from where the trained feature was seen
+  SurfacePatch trained;  ///< of the object
+  ImagePatch seen;
 };
 
 /// What the terms of all images (null: none) say together of a motion.
@@ -37,10 +39,10 @@ RigMotion refine_rig(std::span<const PoseTermPtr> terms, std::span<const RigView
 struct RigPoseOptions {
   double inlier_px = 3;  ///< error of a match that supports a pose
   double slack = 0.6;    ///< [m/s] that the object may move by before its twist is known
-  double facing = 0.5;  ///< cosine between where a point is seen from and where it was trained from
-  int trials = 1500;    ///< samples of three matches, at most
-  size_t kept = 8;      ///< of their poses that are refined
-  double huber = 2.5;   ///< [sigma]
+  PatchTolerance patch;  ///< of matches that support a pose
+  int trials = 600;      ///< samples of three matches
+  size_t kept = 8;       ///< of their poses that are refined
+  double huber = 2.5;    ///< [sigma]
   ViewError view_error{0.3, 0.005};
   uint64_t seed = 1;
 };
@@ -53,11 +55,12 @@ struct RigPose {
   std::vector<PoseTermPtr> terms;  ///< ReprojectionTerm of each view's inliers; null without
 };
 
-/// Poses of an object from matches in all images of a rig, most support first: poses of three
-/// matches of one camera (P3P), judged by the matches of all cameras (RANSAC with the truncated
-/// cost of Torr and Zisserman, 2000; some samples are neighbors, Myatt et al., 2002), then fitted
-/// to all of these at once through the exact lenses. Where a camera's supporting points lie in a
-/// plane, its other pose (Collins and Bartoli, 2014) is tried as well, whichever sample was lucky.
+/// Poses of an object from matches in all images of a rig (of a camera best first), most support
+/// first. Each match makes two poses by itself (patch_poses()); matches that agree with one of
+/// these roughly are a group (Lowe, 2004). Of three matches of a group there are up to four poses
+/// (P3P), judged by the matches of all cameras, places and patches (truncated cost of Torr and
+/// Zisserman, 2000), then fitted to all of these at once through the exact lenses. Where a camera's
+/// supporting points lie in a plane, its other pose (Collins and Bartoli, 2014) is tried as well.
 /// Poses of less than half the best one's support are left out. Nothing depends on chance: the same
 /// matches give the same poses.
 std::vector<RigPose> solve_rig(std::span<const RigView> views, std::span<const RigMatch> matches,

@@ -4,6 +4,7 @@
 #include <memory>
 #include <vector>
 
+#include "sightline/base/executor.hpp"
 #include "sightline/base/result.hpp"
 #include "sightline/model/frame.hpp"
 #include "sightline/observe/features/feature_model.hpp"
@@ -31,7 +32,7 @@ struct FeatureMatchOptions {
 /// Which poses the matches determine.
 struct FeaturePoseOptions {
   double inlier_px = 3;       ///< reprojection error of a match that supports a pose
-  int min_inliers = 14;       ///< matches that support it, of all cameras ...
+  int min_inliers = 8;        ///< matches that support it, of all cameras ...
   double min_spread = 0.008;  ///< ... root mean square distance from their middle on the object [m]
   double max_sigma_deg = 4;   ///< a pose that is less certain is none: of the worst direction ...
   double max_sigma_m = 0.012;  ///< ... [m]
@@ -43,12 +44,12 @@ struct FeaturePoseOptions {
   ViewError view_error{0.5, 0.006};
 };
 
-/// Evidence of a pose: max (1 - exp(-(support - chance) / usual)) sqrt(support / that of the
-/// best), support the number of matches weighted by how well they fit. It levels off because
-/// features seen from another side than trained are off by a pixel in common, so that the wrong
-/// one of a plane's two poses may fit better: the outline decides between those.
+/// Evidence of a pose: max (1 - exp(-(support - chance) / usual)) (support / that of the best)^2,
+/// support the number of matches weighted by how well they fit. It levels off because features seen
+/// from another side than trained are off by a pixel in common; of a plane's two poses the right
+/// one has more support all the same (docs/detection.md, "A print").
 struct FeatureEvidenceOptions {
-  double max = 0.6, chance = 8, usual = 24;
+  double max = 0.6, chance = 4, usual = 24;
 };
 
 /// Chosen on `bench` (a printed carton, trained in one part of the recording and found in
@@ -67,13 +68,15 @@ struct FeatureDetectorOptions {
 /// without prior pose: matches by Hamming distance with the ratio to the best other place (Lowe,
 /// 2004), poses from matches of all cameras (P3P, RANSAC, both poses of flat parts, joint fit
 /// through the full lenses with a common velocity). ObjectDetector::judge() says which of them to
-/// believe. About 60 ms of CPU a camera. Passive; one thread at a time; deterministic.
+/// believe. 40 to 80 ms of CPU a camera. Passive; one thread at a time; deterministic.
 class FeatureDetector {
  public:
-  /// Refused: no camera, a model without features, numbers out of range.
-  static Result<std::unique_ptr<FeatureDetector>> create(
-      std::shared_ptr<const FeatureModel> model, std::vector<DetectorCamera> cameras,
-      const FeatureDetectorOptions& options = {});
+  /// Refused: no camera, a model without features, numbers out of range. `executor` shares the
+  /// cameras out; the result does not depend on it.
+  static Result<std::unique_ptr<FeatureDetector>> create(std::shared_ptr<const FeatureModel> model,
+                                                         std::vector<DetectorCamera> cameras,
+                                                         const FeatureDetectorOptions& options = {},
+                                                         Executor executor = run_serially);
   ~FeatureDetector();
 
   /// As ObjectDetector::add_frame(): keeps a copy of the gray image.

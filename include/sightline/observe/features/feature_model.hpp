@@ -17,9 +17,12 @@ namespace sightline {
 
 /// A point on an object's surface and its descriptor, as seen from one direction.
 struct TrainedFeature {
-  Eigen::Vector3f point = Eigen::Vector3f::Zero();  ///< on the mesh, object frame [m]
-  Eigen::Vector3f view = Eigen::Vector3f::UnitZ();  ///< unit, from the point to the camera
-  std::array<uint8_t, 32> descriptor{};             ///< ORB (Rublee et al., 2011), 256 bits
+  Eigen::Vector3f point = Eigen::Vector3f::Zero();       ///< on the mesh, object frame [m]
+  Eigen::Vector3f view = Eigen::Vector3f::UnitZ();       ///< unit, from the point to the camera
+  Eigen::Vector3f normal = Eigen::Vector3f::UnitZ();     ///< unit, of the surface, outwards
+  Eigen::Vector3f direction = Eigen::Vector3f::UnitX();  ///< unit, its orientation on the surface
+  float size = 0;                                        ///< of its patch across the view [m]
+  std::array<uint8_t, 32> descriptor{};                  ///< ORB (Rublee et al., 2011), 256 bits
 };
 
 /// Features of an object's texture, trained from images in which its pose was known. The file

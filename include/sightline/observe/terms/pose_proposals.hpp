@@ -14,6 +14,7 @@ struct ProposedPose {
   Rigid3 world_from_object;  ///< at the time of the proposals
   Vector6 twist = Vector6::Zero();
   double evidence = 0;  ///< of its own; 1 is as good as the outlines in two cameras
+  size_t matches = 0;   ///< that support it
   /// The object's print agrees with the images: no outline is asked for, much of it may be hidden.
   bool confirmed = false;
   std::vector<PoseTermPtr> terms;  ///< by camera of the detector, what it measured; null: nothing

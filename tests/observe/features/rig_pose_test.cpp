@@ -8,7 +8,7 @@
 #include <numbers>
 
 #include "observe/features/feature_match.hpp"
-#include "print_scene.hpp"
+#include "observe/print_scene.hpp"
 #include "support/matchers.hpp"
 #include "support/random.hpp"
 
@@ -39,36 +39,60 @@ class Scene {
     }
   }
 
-  // `count` right matches in a view, of points in a box of these half sides about the origin.
+  // `count` right matches in a view, of points in a box of these half sides about the origin;
+  // their surface faces the camera, or as `normal` says.
   void see(size_t view, const RigMotion& motion, int count, const Eigen::Vector3d& half,
-           double noise_px, Random& random) {
+           double noise_px, Random& random, const Eigen::Vector3d& normal = {0, 0, 0}) {
     const Rigid3 camera_from_object =
         views[view].camera->world_from_camera.inverse() * motion.at(views[view].seconds);
     const Eigen::Vector3d eye = camera_from_object.inverse().translation;
+    const CameraModel& model = views[view].camera->model;
     for (int i = 0; i < count; ++i) {
-      const Eigen::Vector3d point = half.cwiseProduct(
-          Eigen::Vector3d(random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)));
-      const auto pixel = views[view].camera->model.project(camera_from_object * point);
+      const Eigen::Vector3d point = somewhere_in(half, random);
+      const auto pixel = model.project(camera_from_object * point);
       ASSERT_TRUE(pixel.has_value());
+      const ImagePatch seen = somehow_at(model, *pixel, random);
+      const Eigen::Vector3d facing = normal.isZero() ? (eye - point).normalized() : normal;
+      const SurfacePatch here = surface_patch(seen, camera_from_object.rotation * facing,
+                                              (camera_from_object * point).norm());
+      const auto in_object = [&](const Eigen::Vector3d& axis) -> Eigen::Vector3d {
+        return camera_from_object.rotation.inverse() * axis;
+      };
       matches.push_back({view,
                          {point, *pixel + noise_px * random.normal<2>(), std::max(0.2, noise_px)},
-                         (eye - point).normalized()});
+                         {in_object(here.seen_from), facing, in_object(here.direction), here.size},
+                         seen});
+      matches.back().seen.ray = model.unproject(matches.back().match.pixel)->normalized();
     }
   }
   // Wrong ones.
   void mislead(size_t view, int count, const Eigen::Vector3d& half, Random& random) {
     for (int i = 0; i < count; ++i) {
-      const Eigen::Vector3d point = half.cwiseProduct(
-          Eigen::Vector3d(random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)));
       const CameraModel& model = views[view].camera->model;
-      const Eigen::Vector2d pixel(random.uniform(0, model.width()),
-                                  random.uniform(0, model.height()));
-      matches.push_back({view, {point, pixel, 0.5}, random.normal<3>().normalized()});
+      const Eigen::Vector2d pixel(random.uniform(5, model.width() - 5),
+                                  random.uniform(5, model.height() - 5));
+      const Eigen::Vector3d normal = random.normal<3>().normalized();
+      const Eigen::Vector3d seen_from = (normal + 0.5 * random.normal<3>()).normalized();
+      matches.push_back({view,
+                         {somewhere_in(half, random), pixel, 0.5},
+                         {seen_from, normal, normal.cross(random.normal<3>()).normalized(),
+                          random.uniform(0.015, 0.06)},
+                         somehow_at(model, pixel, random)});
     }
   }
 
   std::vector<RigView> views;
   std::vector<RigMatch> matches;
+
+ private:
+  static Eigen::Vector3d somewhere_in(const Eigen::Vector3d& half, Random& random) {
+    return half.cwiseProduct(
+        Eigen::Vector3d(random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)));
+  }
+  static ImagePatch somehow_at(const CameraModel& model, const Eigen::Vector2d& pixel,
+                               Random& random) {
+    return image_patch(model, pixel, random.uniform(-3, 3), random.uniform(15, 30)).value();
+  }
 };
 
 RigMotion somewhere(uint64_t seed) {
@@ -167,10 +191,7 @@ TEST(RigPose, BothPosesOfASheetAreNamed) {
         Eigen::Vector3d::Zero());
     const RigMotion truth{tilted};
     const Eigen::Vector3d small = 0.4 * kSheet;
-    scene.see(0, truth, 40, small, 0.5, random);
-    for (RigMatch& match : scene.matches) {
-      match.seen_from = Eigen::Vector3d::UnitZ();  // as trained, from the front
-    }
+    scene.see(0, truth, 40, small, 0.5, random, Eigen::Vector3d::UnitZ());
     const auto poses = solve_rig(scene.views, scene.matches);
     ASSERT_FALSE(poses.empty());
     const auto near = [&](const RigPose& pose) {
@@ -179,11 +200,8 @@ TEST(RigPose, BothPosesOfASheetAreNamed) {
     EXPECT_TRUE(std::any_of(poses.begin(), poses.end(), near)) << seed;
     both += poses.size() > 1 && rotation_angle(poses[0].motion.world_from_object,
                                                poses[1].motion.world_from_object) > 40 * kDegree;
-    scene.see(1, truth, 40, small, 0.5, random);
-    for (RigMatch& match : scene.matches) match.seen_from = Eigen::Vector3d::UnitZ();
-    RigPoseOptions options;
-    options.facing = -1;  // the second one may see its back
-    const auto decided = solve_rig(scene.views, scene.matches, options);
+    scene.see(1, truth, 40, small, 0.5, random);  // it may see its back
+    const auto decided = solve_rig(scene.views, scene.matches);
     ASSERT_FALSE(decided.empty());
     EXPECT_TRUE(near(decided[0])) << seed;
     EXPECT_TRUE(decided.size() == 1 || decided[1].support < 0.8 * decided[0].support) << seed;
@@ -228,6 +246,22 @@ TEST(RigPose, CovarianceIsHonest) {
   EXPECT_LT(sum / kPoses, 8.5);
 }
 
+// Pixels by chance are many; of these few look as they should as well.
+TEST(RigPose, PatchesThatLookOtherwiseSupportNothing) {
+  Random random(12);
+  Scene scene({0});
+  const RigMotion truth = somewhere(3);
+  scene.see(0, truth, 20, kBox, 0.3, random);
+  ASSERT_EQ(judge_rig(scene.views, scene.matches, truth, {}, 3).inliers.size(), 20u);
+  for (size_t i = 0; i < 15; ++i) {
+    RigMatch& match = scene.matches[i];
+    if (i < 5) match.seen.size *= 2;
+    if (i >= 5 && i < 10) match.seen.direction = match.seen.ray.cross(match.seen.direction);
+    if (i >= 10) match.trained.normal *= -1;
+  }
+  EXPECT_EQ(judge_rig(scene.views, scene.matches, truth, {}, 3).inliers.size(), 5u);
+}
+
 TEST(RigPose, SaysNothingOfTooLittle) {
   Random random(1);
   Scene scene({0, 60});
@@ -270,8 +304,9 @@ TEST(FeatureMatch, ProcessorsAgreeAndPlacesAreToldApart) {
   trained[400] = trained[7];                        // learned twice
   trained[401].descriptor = trained[8].descriptor;  // the same print at another place
   std::vector<NearestTrained> out(seen.size()), again(seen.size());
-  match_features(seen, trained, 0.005f, out);
-  match_features_scalar(seen, trained, 0.005f, again);
+  const TrainedDescriptors descriptors(trained);
+  match_features(seen, descriptors, 0.005f, out);
+  match_features_scalar(seen, descriptors, 0.005f, again);
   for (size_t i = 0; i < seen.size(); ++i) {
     EXPECT_EQ(out[i].index, i);
     EXPECT_EQ(out[i].bits, 2);
@@ -281,6 +316,11 @@ TEST(FeatureMatch, ProcessorsAgreeAndPlacesAreToldApart) {
   }
   EXPECT_GT(out[7].other, 60);
   EXPECT_EQ(out[8].other, 2);
+  // Too much of its first half is another's.
+  for (size_t i = 0; i < 7; ++i)
+    seen[20].descriptor[i] = static_cast<uint8_t>(~seen[20].descriptor[i]);
+  match_features(seen, descriptors, 0.005f, out);
+  EXPECT_NE(out[20].index, 20u);
 }
 
 }  // namespace

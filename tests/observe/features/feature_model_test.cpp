@@ -23,6 +23,9 @@ FeatureModel some_model() {
     TrainedFeature feature;
     feature.point = (0.05 * random.normal<3>()).cast<float>();
     feature.view = random.normal<3>().normalized().cast<float>();
+    feature.normal = random.normal<3>().normalized().cast<float>();
+    feature.direction = random.normal<3>().normalized().cast<float>();
+    feature.size = static_cast<float>(random.uniform(0.01, 0.02));
     for (uint8_t& byte : feature.descriptor) byte = static_cast<uint8_t>(random.bits());
     model.features.push_back(feature);
   }
@@ -40,6 +43,9 @@ TEST(FeatureModel, ComesBackAsItWasWritten) {
   for (size_t i = 0; i < model.features.size(); ++i) {
     EXPECT_EQ(back->features[i].point, model.features[i].point);
     EXPECT_EQ(back->features[i].view, model.features[i].view);
+    EXPECT_EQ(back->features[i].normal, model.features[i].normal);
+    EXPECT_EQ(back->features[i].direction, model.features[i].direction);
+    EXPECT_EQ(back->features[i].size, model.features[i].size);
     EXPECT_EQ(back->features[i].descriptor, model.features[i].descriptor);
   }
   EXPECT_EQ(format_feature_model(*back), format_feature_model(model));
@@ -64,6 +70,12 @@ TEST(FeatureModel, EveryDamageIsNamed) {
   nowhere.features[3].point.x() = std::numeric_limits<float>::quiet_NaN();
   EXPECT_THAT(parse_feature_model(format_feature_model(nowhere), "a.feat"),
               FailsWith("feature 3 is at no place"));
+  FeatureModel shapeless = some_model();
+  shapeless.features[5].size = 0;
+  EXPECT_THAT(parse_feature_model(format_feature_model(shapeless), "a.feat"),
+              FailsWith("feature 5 has no patch"));
+  EXPECT_THAT(parse_feature_model("SLFEATS1" + whole.substr(8), "a.feat"),
+              FailsWith("is no feature file of this version"));
   EXPECT_THAT(read_feature_model("/nowhere/a.feat"), FailsWith("/nowhere/a.feat"));
 }
 
