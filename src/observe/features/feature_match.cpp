@@ -24,8 +24,8 @@ void match_features(std::span<const OrbFeature> seen, const TrainedDescriptors& 
                     float elsewhere, std::span<NearestTrained> out) {
 #ifdef SIGHTLINE_X86_64
   // What has AVX2 has it too.
-  static const auto kBest = cpu_has_avx2() ? match_features_popcnt : match_features_scalar;
-  kBest(seen, trained, elsewhere, out);
+  static const auto best = cpu_has_avx2() ? match_features_popcnt : match_features_scalar;
+  best(seen, trained, elsewhere, out);
 #else
   match_features_scalar(seen, trained, elsewhere, out);
 #endif
