@@ -212,9 +212,10 @@ constexpr double kEvidenceWithoutColors = 1.35;
 // Of a print: correlation at poses that are right 0.53 to 0.7 (a cube in a hand), 0.85 (bench), at
 // others up to 0.46; an outline that it does not refuse, and a pose that needs no outline.
 constexpr double kPrintAgrees = 0.4, kPrintConfirms = 0.5;
-// Where the object is not at most 8 matches agree on a pose in place, orientation and size (694
-// looks, 25 pairs of print and footage); where it is, up to 18 on a wrong one, by what repeats in
-// its print. Fine print does not correlate at half size.
+// Where the object is not at most 8 matches agree on a pose in place, orientation and size (569
+// looks, 18 pairs of print and footage); where it is, up to 18 at another place, by what repeats in
+// its print. (The other tilt of the right side has nearly all: which one is told by who has more.)
+// Fine print does not correlate at half size.
 constexpr size_t kMatchesConfirm = 24;
 constexpr double kMaxCostOfMatch = 0.5;  // -log likelihood of a feature match in the wrong place
 

@@ -5,6 +5,8 @@
 
 #include <Eigen/Geometry>
 #include <numbers>
+#include <utility>
+#include <vector>
 
 namespace sightline {
 namespace {
@@ -47,6 +49,22 @@ TEST(DetectionPolicy, LetsTheDetectorAskForLessWhereThereAreColors) {
   options.accept = kAccept;
   EXPECT_EQ(DetectionPolicy::detector_options(options, false).accept, kAccept);
   EXPECT_EQ(DetectionPolicy::detector_options(options, true).accept, 0.75 * kAccept);
+}
+
+// Fine print does not look like itself at half size; so many matches are it all the same.
+TEST(DetectionPolicy, MatchesConfirmWhatDoesNotLookLikeItsPrintAsAWhole) {
+  const auto colors =
+      ColorVerifier::create(std::vector<SurfaceSample>(100), {}).value();  // it has seen nothing
+  PoseProposals proposals;
+  proposals.poses.resize(2);
+  proposals.poses[0].matches = 24;
+  proposals.poses[1].matches = 23;
+  const auto confirmed = [&](bool printed) {
+    const auto out = DetectionPolicy({}, kAccept, printed).confirm(proposals, colors.get());
+    return std::pair(out.poses[0].confirmed, out.poses[1].confirmed);
+  };
+  EXPECT_EQ(confirmed(true), std::pair(true, false));
+  EXPECT_EQ(confirmed(false), std::pair(false, false)) << "colors are no print";
 }
 
 TEST(DetectionPolicy, FeaturesTellSymmetricPosesApart) {

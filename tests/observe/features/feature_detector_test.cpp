@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <numbers>
 
 #include "sightline/observe/detect/object_detector.hpp"
@@ -204,6 +205,28 @@ TEST(FeatureDetector, FindsNothingWhereThereIsNothing) {
   other.paint.seed = 12;
   const Found found = look_for_carton(SceneRig(other));
   EXPECT_EQ(found.found + found.several, 0u);
+}
+
+TEST(FeatureDetector, GivesTheSameHoweverItsWorkIsSharedOut) {
+  const SceneRig rig(tumbling(5));
+  const auto backwards = [](size_t count, const std::function<void(size_t)>& body) {
+    for (size_t i = count; i-- > 0;) body(i);
+  };
+  auto one = FeatureDetector::create(carton_model(), cameras_of(rig)).value();
+  auto other = FeatureDetector::create(carton_model(), cameras_of(rig), {}, backwards).value();
+  for (size_t i = 0; i < 2; ++i) {
+    const FramePtr frame = rig.shoot(rig.shots()[i]);
+    const CameraId camera(static_cast<uint32_t>(rig.shots()[i].camera));
+    one->add_frame(camera, *frame);
+    other->add_frame(camera, *frame);
+  }
+  const PoseProposals a = one->propose(), b = other->propose();
+  ASSERT_FALSE(a.poses.empty());
+  ASSERT_EQ(a.poses.size(), b.poses.size());
+  for (size_t i = 0; i < a.poses.size(); ++i) {
+    EXPECT_EQ(a.poses[i].world_from_object.matrix(), b.poses[i].world_from_object.matrix());
+    EXPECT_EQ(a.poses[i].matches, b.poses[i].matches);
+  }
 }
 
 TEST(FeatureDetector, LooksAtEveryFrameOnceAndLeavesOutDamagedOnes) {

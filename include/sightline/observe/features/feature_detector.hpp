@@ -66,9 +66,10 @@ struct FeatureDetectorOptions {
 
 /// Proposes poses of one object by its trained features, in the images of all cameras at once and
 /// without prior pose: matches by Hamming distance with the ratio to the best other place (Lowe,
-/// 2004), poses from matches of all cameras (P3P, RANSAC, both poses of flat parts, joint fit
-/// through the full lenses with a common velocity). ObjectDetector::judge() says which of them to
-/// believe. 40 to 80 ms of CPU a camera. Passive; one thread at a time; deterministic.
+/// 2004), poses from groups of matches that agree in place, orientation and size (Hough clustering;
+/// P3P, both poses of flat parts, joint fit through the full lenses with a common velocity).
+/// ObjectDetector::judge() says which of them to believe. 40 to 80 ms of CPU a camera. Passive; one
+/// thread at a time; deterministic.
 class FeatureDetector {
  public:
   /// Refused: no camera, a model without features, numbers out of range. `executor` shares the
