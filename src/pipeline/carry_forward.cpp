@@ -22,6 +22,8 @@ Time newest_capture(const std::vector<FramePtr>& frames) {
 
 // The further behind, the longer: every step costs the same.
 constexpr int kStepsToNow = 4;
+// And longer than they take by so much: else now is never reached.
+constexpr Duration kGain = std::chrono::milliseconds(60);
 
 }  // namespace
 
@@ -30,19 +32,28 @@ CarryForward::CarryForward(std::vector<Observation> found, const CarryOptions& o
   if (!found_.empty()) now_ = newest_capture(found_);
 }
 
+Duration CarryForward::next_step(Time newest) const {
+  const Duration took = newest - *stepped_;
+  return std::clamp(std::max((newest - now_) / kStepsToNow, took + kGain), options_.step,
+                    options_.max_step);
+}
+
 bool CarryForward::step(FrameTrail& trail, const FollowStep& follow) {
   // Where it was not seen, the end of the way is no place to leave it: a newer frame may show it.
+  // Elsewhere a step that has seen the newest frame is the last: another one would end as late.
   const auto more = [&] {
-    const Duration enough = misses_ > 0 ? Duration(0) : options_.close_enough;
-    return trail.newest() > now_ + enough;
+    if (misses_ > 0) return trail.newest() > now_;
+    return !caught_up_ && trail.newest() > now_ + options_.close_enough;
   };
   while (!found_.empty() && more()) {
-    const Duration behind = trail.newest() - now_;
+    const Time newest = trail.newest();
+    if (stepped_) next_ = next_step(newest);
+    caught_up_ = newest - now_ <= next_;
     now_ += next_;
     const std::vector<FramePtr> frames = trail.take_until(now_);
     if (frames.empty()) continue;
+    stepped_ = newest;
     std::vector<Observation> moved = follow(frames);
-    next_ = std::clamp(behind / kStepsToNow, options_.step, options_.max_step);
     if (!moved.empty()) {
       misses_ = 0;
       now_ = newest_capture(moved);

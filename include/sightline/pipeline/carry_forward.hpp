@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -16,7 +17,7 @@ struct CarryOptions {
   /// Those that follow, at most; what is nearer to now is left out. Longer ones catch up sooner and
   /// lose what is fast.
   Duration step = std::chrono::milliseconds(120);
-  /// And where so many of them would be needed that now is never reached.
+  /// And where now is far, or they take so long that it is never reached otherwise.
   Duration max_step = std::chrono::milliseconds(240);
   /// Steps in a row that may find nothing: the object is covered or blurred for a moment.
   int max_misses = 2;
@@ -35,9 +36,9 @@ constexpr Duration kMaxCarry = std::chrono::seconds(5);
 
 /// Carries what a search has found, some tenths of a second ago, through the frames that came
 /// meanwhile to now: the object is followed from step to step, because in the newest frame it may
-/// be anywhere. Ends when the trail has no newer frame, when nothing is found any more (then the
-/// result is empty), or when `go_on` says no. Returns where it was at last and on the way there, by
-/// time of capture.
+/// be anywhere. Ends when a step has seen the newest frame that there was when it began (another
+/// step would end as late behind), when nothing is found any more (then the result is empty), or
+/// when `go_on` says no. Returns where it was at last and on the way there, by time of capture.
 std::vector<Observation> carry_forward(FrameTrail& trail, std::vector<Observation> found,
                                        const FollowStep& follow, const std::function<bool()>& go_on,
                                        const CarryOptions& options = {});
@@ -52,11 +53,15 @@ class CarryForward {
   std::vector<Observation> take();
 
  private:
+  Duration next_step(Time newest) const;
+
   const CarryOptions options_;
   std::vector<Observation> found_;  ///< of all steps, the newest last
   Time now_{};
   Duration next_;
   int misses_ = 0;
+  std::optional<Time> stepped_;  ///< newest frame when the last step began
+  bool caught_up_ = false;       ///< that one has seen it
 };
 
 }  // namespace sightline
