@@ -63,12 +63,15 @@ Status run(const Arguments& arguments) {
   for (size_t set = 0;; ++set) {
     SL_ASSIGN(const auto frames, replay->next());
     if (!frames) return {};
-    for (const FramePtr& frame : *frames) search->add_frame(frame->info().camera, *frame, {});
+    const bool follows = set % arguments.every == 1;
+    if (!follows) {
+      for (const FramePtr& frame : *frames) search->add_frame(frame->info().camera, *frame, {});
+    }
     const Time now = frames->front()->info().capture;
     if (set % arguments.every == 0) {
       measure("search", *search, [&] { return search->search(now, {}); });
-    } else if (set % arguments.every == 1) {
-      measure("follow", *search, [&] { return search->follow(); });
+    } else if (follows) {
+      measure("follow", *search, [&] { return search->follow(*frames, {}); });
     }
     std::fflush(stdout);
   }

@@ -142,10 +142,7 @@ void SearchWorker::search(const std::stop_token& stop, Heartbeat& heartbeat) {
   int steps = 0;
   const auto follow = [&](std::span<const FramePtr> frames) {
     ++steps;
-    for (const FramePtr& frame : frames) {
-      search_->add_frame(frame->info().camera, *frame, tracks_);
-    }
-    return search_->follow();
+    return search_->follow(frames, tracks_);
   };
   found = carry_forward(trail_, std::move(found), follow, go_on);
   trail_.close();

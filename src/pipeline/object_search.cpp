@@ -15,6 +15,12 @@ namespace {
 constexpr Duration kEager = std::chrono::seconds(10);     // after it went missing: no bound on cost
 constexpr Duration kForgotten = std::chrono::seconds(5);  // without a search: it goes missing anew
 
+// Where its camera looked is known.
+bool trusted(const Frame& frame) {
+  const CameraPlacePtr& place = frame.info().place;
+  return !place || place->trusted();
+}
+
 // Null where the mesh has no colors.
 Result<std::unique_ptr<ColorVerifier>> make_color_verifier(
     const RigObject& object, const std::vector<DetectorCamera>& cameras) {
@@ -152,14 +158,17 @@ void ObjectSearch::learn(CameraId camera, const Frame& frame,
 
 void ObjectSearch::add_frame(CameraId camera, const Frame& frame,
                              std::span<const PoseTrackPtr> tracks) {
+  if (trusted(frame)) learn(camera, frame, tracks);
+  show(camera, frame, tracks);
+}
+
+void ObjectSearch::show(CameraId camera, const Frame& frame, std::span<const PoseTrackPtr> tracks) {
   const Time capture = frame.info().capture;
   if (delivered_.empty()) first_frame_ = capture;
   if (std::find(delivered_.begin(), delivered_.end(), camera) == delivered_.end()) {
     delivered_.push_back(camera);
   }
-  const CameraPlacePtr& place = frame.info().place;
-  if (place && !place->trusted()) return;
-  learn(camera, frame, tracks);
+  if (!trusted(frame)) return;
   const BackgroundModel* background =
       camera.index() < backgrounds_.size() ? backgrounds_[camera.index()].get() : nullptr;
   const bool missing_any = std::any_of(targets_.begin(), targets_.end(), [&](const Target& target) {
@@ -338,7 +347,9 @@ Duration ObjectSearch::pause_after(Target& target, Time now, const SearchWork& w
   return std::max(interval_, from_seconds(to_seconds(search_cost(work)) / max_load_));
 }
 
-std::vector<Observation> ObjectSearch::follow() {
+std::vector<Observation> ObjectSearch::follow(std::span<const FramePtr> frames,
+                                              std::span<const PoseTrackPtr> tracks) {
+  for (const FramePtr& frame : frames) show(frame->info().camera, *frame, tracks);
   std::vector<Observation> out;
   for (Target& target : targets_) {
     if (target.found.poses.empty()) continue;

@@ -21,10 +21,7 @@ void TimedSearch::charge() {
 
 std::vector<Observation> TimedSearch::advance(Time now, std::span<const PoseTrackPtr> tracks) {
   const FollowStep follow = [&](std::span<const FramePtr> frames) {
-    for (const FramePtr& frame : frames) {
-      search_.add_frame(frame->info().camera, *frame, tracks);
-    }
-    return search_.follow();
+    return search_.follow(frames, tracks);
   };
   // When a step begins the trail has all frames up to then: those of `now` are later.
   while (under_way_ && done_ < now) {

@@ -62,10 +62,11 @@ class ObjectSearch {
   /// pose without naming another one, it is searched for everywhere, and returned if it is found
   /// elsewhere. Such observations refute the pose in force.
   std::vector<Observation> search(Time now, std::span<const PoseTrackPtr> tracks);
-  /// The same poses in newer frames, which may have come while the search ran. Replaces what
-  /// search() returned; empty if they are not found there. Then the next call goes on from where
-  /// they were found last.
-  std::vector<Observation> follow();
+  /// The same poses in newer frames, one of a camera at most, which came while the search ran.
+  /// Replaces what search() returned; empty if they are not found there. Then the next call goes on
+  /// from where they were found last. Nothing is learned of the background: now is waiting.
+  std::vector<Observation> follow(std::span<const FramePtr> frames,
+                                  std::span<const PoseTrackPtr> tracks);
 
   /// Says where an object is, for the searches for it up to `until`; it is looked for there first,
   /// in kHintTries searches at most, and then everywhere. Takes the place of an earlier hint.
@@ -138,6 +139,8 @@ class ObjectSearch {
   bool due(const Target& target, Time now, std::span<const PoseTrackPtr> tracks) const;
   static bool missing(const Target& target, Time now, std::span<const PoseTrackPtr> tracks);
   bool tell(Message message);
+  /// add_frame(), but for the background.
+  void show(CameraId camera, const Frame& frame, std::span<const PoseTrackPtr> tracks);
   void take_messages();
   void search(Target& target, Time now, std::span<const PoseTrackPtr> tracks,
               std::vector<Observation>& out);

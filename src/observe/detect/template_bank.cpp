@@ -7,7 +7,7 @@
 #include <numbers>
 
 #include "observe/detect/detect_constants.hpp"
-#include "observe/detect/pixels/scan_kernel.hpp"
+#include "observe/detect/kernels/scan_kernel.hpp"
 #include "sightline/geometry/rotation_between.hpp"
 
 namespace sightline::observe {

@@ -1,7 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "observe/scene/background_cells.hpp"
 
+#include <cstring>
+
 namespace sightline::observe {
+namespace {
+
+constexpr size_t kAtOnce = sizeof(uint64_t);
+
+bool all_usual(const uint8_t* usual) {
+  uint64_t cells = 0;
+  std::memcpy(&cells, usual, kAtOnce);
+  return cells == 0x0101010101010101;
+}
+
+}  // namespace
 
 void BackgroundCells::reset(int width, int height) {
   width_ = width;
@@ -10,7 +23,43 @@ void BackgroundCells::reset(int width, int height) {
   main_.resize(size);
   rival_.resize(size);
   for (auto& plane : spread_) plane.assign(size, kFirstSpread);
+  usual_.assign(static_cast<size_t>(width), 0);
   min_spread_ = {kFirstSpread, kFirstSpread};
+}
+
+BackgroundCells::Learned BackgroundCells::learn_row(int y,
+                                                    const std::array<const uint8_t*, 3>& levels,
+                                                    const uint8_t* occupied, int light_part) {
+  const size_t first = index(0, y);
+  BackgroundRow row{levels,
+                    occupied,
+                    {},
+                    {},
+                    min_spread_,
+                    main_.age.data() + first,
+                    rival_.age.data() + first,
+                    max_age_,
+                    light_part,
+                    width_};
+  for (size_t k = 0; k < 3; ++k) row.mean[k] = main_.mean[k].data() + first;
+  for (size_t k = 0; k < 2; ++k) row.spread[k] = spread_[k].data() + first;
+  learn_usual(row, usual_.data());
+  Learned out;
+  const auto width = static_cast<size_t>(width_);
+  for (size_t x = 0; x < width; ++x) {
+    for (; x + kAtOnce <= width && all_usual(usual_.data() + x); x += kAtOnce) {
+      out.observed += kAtOnce;
+    }
+    if (x == width) break;
+    if (occupied[x] != 0) continue;
+    ++out.observed;
+    if (usual_[x] != 0) continue;
+    const Color color{light_free(levels[0][x], kBlack, light_part),
+                      light_free(levels[1][x], kNeutral, light_part),
+                      light_free(levels[2][x], kNeutral, light_part)};
+    out.changed += learn(first + x, color) ? 0 : 1;
+  }
+  return out;
 }
 
 void BackgroundCells::relearn() {

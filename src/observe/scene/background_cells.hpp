@@ -7,6 +7,8 @@
 #include <cstdlib>
 #include <vector>
 
+#include "observe/scene/background_kernel.hpp"
+
 namespace sightline::observe {
 
 /// What a fixed camera sees at every cell of 2x2 pixels (one pixel at half size) while nothing is
@@ -49,6 +51,13 @@ class BackgroundCells {
     contest(cell, color);
     return false;
   }
+  /// Takes one observation of a row in this light, of the cells that nothing occupies; of how many
+  /// of them, and how many differ from the background.
+  struct Learned {
+    size_t observed = 0, changed = 0;
+  };
+  Learned learn_row(int y, const std::array<const uint8_t*, 3>& levels, const uint8_t* occupied,
+                    int light_part);
   /// The scene has changed: what is seen from now on replaces what was learned at once.
   void relearn();
 
@@ -72,7 +81,7 @@ class BackgroundCells {
   int min_spread(size_t channel) const { return min_spread_[channel]; }
 
  private:
-  static constexpr int kMemory = 32;  // observations over which the mean is taken
+  static constexpr int kMemory = kBackgroundMemory;
   static constexpr int kFirstSpread = 3 * kUnit;
 
   struct Mode {
@@ -147,6 +156,7 @@ class BackgroundCells {
   Mode main_, rival_;
   std::array<std::vector<int16_t>, 2> spread_;  // one sigma of luma and of chroma
   std::array<int, 2> min_spread_{};
+  std::vector<uint8_t> usual_;  // of the row that is learned
 };
 
 }  // namespace sightline::observe

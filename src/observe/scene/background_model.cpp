@@ -16,7 +16,6 @@ using namespace std::chrono_literals;
 using observe::BackgroundCells;
 using observe::ChangeMap;
 using observe::kBlack;
-using observe::kNeutral;
 using observe::mark_known_places;
 
 constexpr Duration kFirstPeriod = 30ms, kPeriod = 100ms;  // between frames that are learned from
@@ -47,11 +46,6 @@ int max_age(const BackgroundOptions& options) {
                     BackgroundCells::kMaxAge);
 }
 
-// What the level would be in the light of the first frame, 1/64 levels.
-int light_free(int level, int zero, int part) {
-  return std::min(32000, zero * kUnit + (((level - zero) * part) >> 8));
-}
-
 }  // namespace
 
 class BackgroundModel::Impl {
@@ -74,9 +68,14 @@ class BackgroundModel::Impl {
     light_ = measure_light(planes);
     const bool all = info.capture - first_ < kFirst;
     if (!all) phase_ = (phase_ + 1) % kPhases;
+    const int light_part = static_cast<int>(256.0f * kUnit / light_);
     size_t changed = 0, observed = 0;
     for (int y = all ? 0 : phase_; y < cells_.height(); y += all ? 1 : kPhases) {
-      learn_row(planes, y, changed, observed);
+      const BackgroundCells::Learned row =
+          cells_.learn_row(y, {planes.y.row(y), planes.u.row(y), planes.v.row(y)},
+                           occupied_.data() + cells_.index(0, y), light_part);
+      changed += row.changed;
+      observed += row.observed;
     }
     last_ = info.capture;
     ++frames_;
@@ -148,20 +147,6 @@ class BackgroundModel::Impl {
       below += histogram[static_cast<size_t>(step++)];
     }
     return std::clamp((static_cast<float>(step) + 0.5f) / 512, 0.25f, 4.0f);
-  }
-
-  void learn_row(const Planes& planes, int y, size_t& changed, size_t& observed) {
-    const uint8_t *luma = planes.y.row(y), *u = planes.u.row(y), *v = planes.v.row(y);
-    const int part = static_cast<int>(256.0f * kUnit / light_);
-    for (int x = 0; x < cells_.width(); ++x) {
-      const size_t i = cells_.index(x, y);
-      if (occupied_[i] != 0) continue;
-      ++observed;
-      const bool usual =
-          cells_.learn(i, {light_free(luma[x], kBlack, part), light_free(u[x], kNeutral, part),
-                           light_free(v[x], kNeutral, part)});
-      changed += usual ? 0 : 1;
-    }
   }
 
   void watch_scene(size_t changed, size_t observed) {

@@ -11,9 +11,6 @@
 
 namespace sightline::observe {
 
-/// Levels of black luma and of neutral chroma.
-constexpr int kBlack = 16, kNeutral = 128;
-
 /// Compares an image with its background. A pixel counts with its eight or 24 neighbors: the mean
 /// of their squared differences in sigmas is compared with what noise gives, so that a small
 /// difference of color over an area is seen. What is darker by a factor that luma and color share

@@ -7,7 +7,7 @@
 #include <array>
 #include <numbers>
 
-#include "observe/detect/pixels/scan_kernel.hpp"
+#include "observe/detect/kernels/scan_kernel.hpp"
 #include "sightline/base/cpu.hpp"
 #include "sightline/observe/detect/color_verifier.hpp"
 #include "support/random.hpp"

@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "observe/detect/detect_constants.hpp"
+#include "observe/detect/kernels/gradient_kernel.hpp"
 
 namespace sightline::observe {
 namespace {
@@ -89,32 +90,16 @@ PixelBox EdgeImage::inner(const PixelBox& box) {
 // Sobel, divided so that a ramp of one level per pixel has gradient one.
 void EdgeImage::find_gradients(const HalfSizeImage& image) {
   const auto [left, top, right, bottom] = inner(box_);
-  for (size_t plane = 0; plane < 3; ++plane) {
-    const float weight = plane == 0 ? 0.125f : 0.125f * kColorWeight;
-    for (int y = top; y < bottom; ++y) {
-      const uint8_t* above = image.row(plane, y - 1);
-      const uint8_t* here = image.row(plane, y);
-      const uint8_t* below = image.row(plane, y + 1);
-      float* gx = gradient_x_.data() + pixel_index(0, y, width_);
-      float* gy = gradient_y_.data() + pixel_index(0, y, width_);
-      float* strength = magnitude_.data() + pixel_index(0, y, width_);
-      for (int x = left; x < right; ++x) {
-        const int dx = above[x + 1] - above[x - 1] + 2 * (here[x + 1] - here[x - 1]) +
-                       below[x + 1] - below[x - 1];
-        const int dy =
-            below[x - 1] - above[x - 1] + 2 * (below[x] - above[x]) + below[x + 1] - above[x + 1];
-        const float u = weight * static_cast<float>(dx), v = weight * static_cast<float>(dy);
-        const float squared = u * u + v * v;
-        const bool stronger = squared > strength[x];
-        gx[x] = stronger ? u : gx[x];
-        gy[x] = stronger ? v : gy[x];
-        strength[x] = stronger ? squared : strength[x];
-      }
-    }
-  }
   for (int y = top; y < bottom; ++y) {
-    float* strength = magnitude_.data() + pixel_index(0, y, width_);
-    for (int x = left; x < right; ++x) strength[x] = std::sqrt(strength[x]);
+    std::array<GradientRows, 3> planes;
+    for (size_t k = 0; k < planes.size(); ++k) {
+      planes[k] = {image.row(k, y - 1), image.row(k, y), image.row(k, y + 1),
+                   k == 0 ? 0.125f : 0.125f * kColorWeight};
+    }
+    const size_t row = pixel_index(0, y, width_);
+    observe::find_gradients(
+        planes, left, right,
+        {gradient_x_.data() + row, gradient_y_.data() + row, magnitude_.data() + row});
   }
 }
 

@@ -3,7 +3,7 @@
 
 #include <cstring>
 
-#include "observe/detect/pixels/scan_kernel.hpp"
+#include "observe/detect/kernels/scan_kernel.hpp"
 #include "sightline/base/vectors.hpp"
 
 namespace sightline::observe {

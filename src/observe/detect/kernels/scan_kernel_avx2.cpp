@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "observe/detect/pixels/scan_kernel_body.hpp"
+#include "observe/detect/kernels/scan_kernel_body.hpp"
 
 namespace sightline::observe {
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 
-#include "observe/detect/pixels/scan_kernel_body.hpp"
+#include "observe/detect/kernels/scan_kernel_body.hpp"
 #include "sightline/base/cpu.hpp"
 
 namespace sightline::observe {
