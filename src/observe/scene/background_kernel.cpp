@@ -8,8 +8,8 @@ void learn_usual_scalar(const BackgroundRow& row, uint8_t* usual) { learn_row(ro
 
 void learn_usual(const BackgroundRow& row, uint8_t* usual) {
 #ifdef SIGHTLINE_X86_64
-  static const auto kBest = cpu_has_avx2() ? learn_usual_avx2 : learn_usual_scalar;
-  kBest(row, usual);
+  static const auto best = cpu_has_avx2() ? learn_usual_avx2 : learn_usual_scalar;
+  best(row, usual);
 #else
   learn_usual_scalar(row, usual);
 #endif

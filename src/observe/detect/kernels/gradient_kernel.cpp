@@ -12,8 +12,8 @@ void find_gradients_scalar(const std::array<GradientRows, 3>& planes, int left, 
 void find_gradients(const std::array<GradientRows, 3>& planes, int left, int right,
                     const GradientRow& out) {
 #ifdef SIGHTLINE_X86_64
-  static const auto kBest = cpu_has_avx2() ? find_gradients_avx2 : find_gradients_scalar;
-  kBest(planes, left, right, out);
+  static const auto best = cpu_has_avx2() ? find_gradients_avx2 : find_gradients_scalar;
+  best(planes, left, right, out);
 #else
   find_gradients_scalar(planes, left, right, out);
 #endif

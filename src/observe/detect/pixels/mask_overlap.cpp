@@ -12,8 +12,8 @@ void overlap_masks_scalar(std::span<const MaskPatch::Bits> masks, const MaskPatc
 void overlap_masks(std::span<const MaskPatch::Bits> masks, const MaskPatch& patch,
                    MaskOverlap* out) {
 #ifdef SIGHTLINE_X86_64
-  static const auto kBest = cpu_has_avx2() ? overlap_masks_avx2 : overlap_masks_scalar;
-  kBest(masks, patch, out);
+  static const auto best = cpu_has_avx2() ? overlap_masks_avx2 : overlap_masks_scalar;
+  best(masks, patch, out);
 #else
   overlap_masks_scalar(masks, patch, out);
 #endif
