@@ -22,20 +22,23 @@ Time newest_capture(const std::vector<FramePtr>& frames) {
 
 // The further behind, the longer: every step costs the same.
 constexpr int kStepsToNow = 4;
-// And longer than they take by so much: else now is never reached.
+// And longer than they take by so much, or by half: else now is never reached. Frames are apart,
+// and the longer the way the farther (FrameTrail).
 constexpr Duration kGain = std::chrono::milliseconds(60);
 
 }  // namespace
 
 CarryForward::CarryForward(std::vector<Observation> found, const CarryOptions& options)
-    : options_(options), found_(std::move(found)), next_(options.first_step) {
+    : options_(options), found_(std::move(found)) {
   if (!found_.empty()) now_ = newest_capture(found_);
 }
 
 Duration CarryForward::next_step(Time newest) const {
+  if (!stepped_) return options_.first_step;
   const Duration took = newest - *stepped_;
-  return std::clamp(std::max((newest - now_) / kStepsToNow, took + kGain), options_.step,
-                    options_.max_step);
+  return std::max(
+      std::clamp<Duration>((newest - now_) / kStepsToNow, options_.step, options_.max_step),
+      took + std::max(kGain, took / 2));
 }
 
 bool CarryForward::step(FrameTrail& trail, const FollowStep& follow) {
@@ -47,9 +50,9 @@ bool CarryForward::step(FrameTrail& trail, const FollowStep& follow) {
   };
   while (!found_.empty() && more()) {
     const Time newest = trail.newest();
-    if (stepped_) next_ = next_step(newest);
-    caught_up_ = newest - now_ <= next_;
-    now_ += next_;
+    const Duration step = next_step(newest);
+    caught_up_ = newest - now_ <= step;
+    now_ += step;
     const std::vector<FramePtr> frames = trail.take_until(now_);
     if (frames.empty()) continue;
     stepped_ = newest;

@@ -14,10 +14,10 @@ namespace sightline {
 struct CarryOptions {
   /// The first step: nobody knows yet how the object moves.
   Duration first_step = std::chrono::milliseconds(40);
-  /// Those that follow, at most; what is nearer to now is left out. Longer ones catch up sooner and
-  /// lose what is fast.
+  /// Those that follow. Longer ones catch up sooner and lose what is fast.
   Duration step = std::chrono::milliseconds(120);
-  /// And where now is far, or they take so long that it is never reached otherwise.
+  /// And at most, where now is far. Those that take nearly so long are longer still: they would
+  /// never reach it otherwise.
   Duration max_step = std::chrono::milliseconds(240);
   /// Steps in a row that may find nothing: the object is covered or blurred for a moment.
   int max_misses = 2;
@@ -58,7 +58,6 @@ class CarryForward {
   const CarryOptions options_;
   std::vector<Observation> found_;  ///< of all steps, the newest last
   Time now_{};
-  Duration next_;
   int misses_ = 0;
   std::optional<Time> stepped_;  ///< newest frame when the last step began
   bool caught_up_ = false;       ///< that one has seen it

@@ -81,7 +81,6 @@ class BackgroundCells {
   int min_spread(size_t channel) const { return min_spread_[channel]; }
 
  private:
-  static constexpr int kMemory = kBackgroundMemory;
   static constexpr int kFirstSpread = 3 * kUnit;
 
   struct Mode {
@@ -93,20 +92,6 @@ class BackgroundCells {
     }
   };
 
-  // 1/n as a fraction of 2^15.
-  static constexpr std::array<int, kMemory + 1> reciprocals() {
-    std::array<int, kMemory + 1> out{};
-    for (int n = 1; n <= kMemory; ++n) out[static_cast<size_t>(n)] = (1 << 15) / n;
-    return out;
-  }
-  static int share_of(int n) {
-    static constexpr std::array<int, kMemory + 1> kReciprocal = reciprocals();
-    return kReciprocal[static_cast<size_t>(std::min(n, kMemory))];
-  }
-  static int16_t moved(int16_t from, int to, int share) {
-    return static_cast<int16_t>(from + (((to - from) * share) >> 15));
-  }
-
   bool within_four_sigmas(const Mode& mode, size_t i, const Color& color) const {
     const int luma = 4 * std::max<int>(spread_[0][i], min_spread_[0]);
     const int chroma = 4 * std::max<int>(spread_[1][i], min_spread_[1]);
@@ -117,12 +102,9 @@ class BackgroundCells {
 
   static void mix(Mode& mode, size_t i, const Color& color, int max_age) {
     const int n = mode.age[i] + 1;
-    const int share = share_of(n);
+    const int share = share_of_observation(n);
     const std::array<int, 3> values = {color.y, color.u, color.v};
-    for (size_t k = 0; k < 3; ++k) {
-      mode.mean[k][i] =
-          n == 1 ? static_cast<int16_t>(values[k]) : moved(mode.mean[k][i], values[k], share);
-    }
+    for (size_t k = 0; k < 3; ++k) mode.mean[k][i] = moved(mode.mean[k][i], values[k], share);
     mode.age[i] = static_cast<uint8_t>(std::min(n, max_age));
   }
 
@@ -132,7 +114,7 @@ class BackgroundCells {
       const int luma = std::abs(color.y - main_.mean[0][i]) * 5 / 4;
       const int chroma =
           (std::abs(color.u - main_.mean[1][i]) + std::abs(color.v - main_.mean[2][i])) * 5 / 8;
-      const int share = share_of(main_.age[i] + 3);
+      const int share = share_of_observation(main_.age[i] + 3);
       spread_[0][i] = moved(spread_[0][i], luma, share);
       spread_[1][i] = moved(spread_[1][i], chroma, share);
     }

@@ -14,8 +14,7 @@ constexpr int kSpreadPeriod = 16;   // frames between measurements of the usual 
 constexpr int kMaxAge = 31;
 constexpr float kMinLumaSigma = 1.875f, kMinChromaSigma = 2;  // [levels]
 constexpr float kShadow = 0.04f;                              // share of the luma
-constexpr float kBlackLevel = kBlack;
-constexpr float kDiffers = 25;  // squared sigmas
+constexpr float kDiffers = 25;                                // squared sigmas
 constexpr float kPerUnit = 1.0f / BackgroundCells::kUnit;
 
 float square(float x) { return x * x; }
@@ -85,7 +84,7 @@ float BackgroundColors::distance(int x, int y, const CellColor& color) const {
       std::max(kPerUnit * static_cast<float>(cells_.spread(0, cell)), kMinLumaSigma);
   const float chroma_sigma =
       std::max(kPerUnit * static_cast<float>(cells_.spread(1, cell)), kMinChromaSigma);
-  const float luma = square(sigma) + square(kShadow * std::max(usual - kBlackLevel, 0.0f));
+  const float luma = square(sigma) + square(kShadow * std::max(usual - kBlack, 0.0f));
   return square(color.y - usual) / luma +
          (square(color.u - kPerUnit * static_cast<float>(mean.u)) +
           square(color.v - kPerUnit * static_cast<float>(mean.v))) /

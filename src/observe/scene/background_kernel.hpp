@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 
 namespace sightline::observe {
@@ -31,6 +32,21 @@ constexpr int light_free(int level, int zero, int part) {
 
 /// Memory of the mean [observations].
 constexpr int kBackgroundMemory = 32;
+
+/// Share of the newest of n observations in their mean, 1/2^15: the n-th entry.
+constexpr std::array<int, kBackgroundMemory + 1> kObservationShares = [] {
+  std::array<int, kBackgroundMemory + 1> out{};
+  for (int n = 1; n <= kBackgroundMemory; ++n) out[static_cast<size_t>(n)] = (1 << 15) / n;
+  return out;
+}();
+constexpr int share_of_observation(int n) {
+  return kObservationShares[static_cast<size_t>(n < kBackgroundMemory ? n : kBackgroundMemory)];
+}
+
+/// A mean after a value of that share.
+constexpr int16_t moved(int16_t from, int to, int share) {
+  return static_cast<int16_t>(from + (((to - from) * share) >> 15));
+}
 
 /// Takes one observation of every cell of the row that nothing occupies, that is known and that
 /// shows what it usually does, as BackgroundCells::learn() does it, and sets `usual` there to 1;

@@ -14,13 +14,6 @@ namespace {
 constexpr int kCells = 128;  // at once, so that what is kept between the loops stays in the cache
 using CellValues = std::array<int, kCells>;
 
-// 1/n as a fraction of 2^15.
-constexpr std::array<int, kBackgroundMemory + 1> kShares = [] {
-  std::array<int, kBackgroundMemory + 1> out{};
-  for (int n = 1; n <= kBackgroundMemory; ++n) out[static_cast<size_t>(n)] = (1 << 15) / n;
-  return out;
-}();
-
 inline void find_light_free(const uint8_t* levels, int zero, int part, int cells, int* out) {
   for (int i = 0; i < cells; ++i) out[i] = light_free(levels[i], zero, part);
 }
@@ -31,15 +24,14 @@ inline void find_distances(const int* color, const int16_t* mean, int cells, int
 
 inline void find_shares(const uint8_t* age, int more, int cells, int* out) {
   for (int i = 0; i < cells; ++i) {
-    out[i] = kShares[static_cast<size_t>(std::min(age[i] + more, kBackgroundMemory))];
+    out[i] = share_of_observation(age[i] + more);
   }
 }
 
 // Where `usual`: `to` counts by its share.
 inline void move_to(const int* to, const int* share, const int* usual, int cells, int16_t* from) {
   for (int i = 0; i < cells; ++i) {
-    const int moved = from[i] + (((to[i] - from[i]) * share[i]) >> 15);
-    from[i] = static_cast<int16_t>(usual[i] != 0 ? moved : from[i]);
+    from[i] = usual[i] != 0 ? moved(from[i], to[i], share[i]) : from[i];
   }
 }
 
