@@ -14,6 +14,8 @@ using namespace record;
 namespace {
 
 constexpr Duration kDefaultPeriod = std::chrono::milliseconds(33);
+constexpr Duration kMarginOfPreroll = std::chrono::milliseconds(20);  // one image takes less
+constexpr size_t kMostPreroll = size_t{32} << 20;  // [bytes] a camera; two seconds of 640x480
 
 class PacedReplay final : public FrameSource {
  public:
@@ -35,12 +37,14 @@ class PacedReplay final : public FrameSource {
     const auto row = camera_->row();
     if (!row) return SourceStep{SourceStep::Kind::kEnd, nullptr};
     const Time due = clock_->at(row->arrival, loop_);
+    preroll(stop, std::min(due, give_up));
     if (!wait_until(stop, std::min(due, give_up)) || due > give_up) {
       return SourceStep{SourceStep::Kind::kTimeout, nullptr};
     }
     RecordedRow stamp = stamp_of(*row);
     SL_ASSIGN(FramePtr frame, camera_->take(stamp));
     dropped_ = 0;
+    begun_ = true;
     return SourceStep{SourceStep::Kind::kFrame, std::move(frame)};
   }
 
@@ -82,6 +86,15 @@ class PacedReplay final : public FrameSource {
     }
   }
 
+  /// The time before the first frame is used: a camera would not decode its pictures on the
+  /// machine that has to find the object in them.
+  void preroll(const std::stop_token& stop, Time until) {
+    if (begun_) return;
+    while (!stop.stop_requested() && MonotonicClock::now() < until - kMarginOfPreroll &&
+           camera_->decode_ahead(kMostPreroll)) {
+    }
+  }
+
   /// Sequence numbers in one turn, lost frames included.
   uint64_t numbers_per_turn() const {
     const auto& rows = camera_->camera().rows;
@@ -116,6 +129,7 @@ class PacedReplay final : public FrameSource {
   SourceInfo info_;
   uint64_t loop_ = 0;
   uint64_t dropped_ = 0;  ///< passed over since the last delivered frame
+  bool begun_ = false;    ///< a frame has been delivered
   std::mutex mutex_;      ///< for wake_ only, which nothing but a stop notifies
   std::condition_variable_any wake_;
 };

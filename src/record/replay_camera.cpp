@@ -4,6 +4,13 @@
 #include "record/csv.hpp"
 
 namespace sightline::record {
+namespace {
+
+size_t image_bytes(const RecordedCamera& camera) {
+  return static_cast<size_t>(camera.width) * static_cast<size_t>(camera.height) * 3 / 2;
+}
+
+}  // namespace
 
 Result<std::unique_ptr<ReplayCamera>> ReplayCamera::open(std::shared_ptr<const Recording> recording,
                                                          size_t camera, CameraId id,
@@ -19,8 +26,7 @@ Result<std::unique_ptr<ReplayCamera>> ReplayCamera::open(std::shared_ptr<const R
   SL_ASSIGN(replay->reader_,
             VideoReader::open(from.file, from.codec, from.width, from.height, reader));
   replay->half_pool_ = std::make_shared<ImagePool>(from.width, from.height);
-  const size_t image = static_cast<size_t>(from.width) * static_cast<size_t>(from.height) * 3 / 2;
-  replay->keep_ = from.rows.size() <= options.keep_decoded_bytes / image;
+  replay->keep_ = from.rows.size() <= options.keep_decoded_bytes / image_bytes(from);
   return replay;
 }
 
@@ -36,15 +42,30 @@ Result<VideoFrame> ReplayCamera::take_image() {
     go_to(next_ + 1);
     return kept;
   }
-  SL_ASSIGN(auto image, reader_->next());
-  if (!image) {
-    return make_error(ErrorCode::kDamaged, camera().file.string(),
-                      "ends after {} images; frames.csv line {} has no image", next_,
-                      row_ ? row_->line : 0);
-  }
+  Result<VideoFrame> image = ahead_.empty() ? decode() : std::move(ahead_.front());
+  if (!ahead_.empty()) ahead_.pop_front();
+  if (!image) return image;
   go_to(next_ + 1);
   if (keep_) kept_.push_back(*image);
-  return *std::move(image);
+  return image;
+}
+
+Result<VideoFrame> ReplayCamera::decode() {
+  SL_ASSIGN(auto image, reader_->next());
+  if (image) return *std::move(image);
+  const size_t row = next_ + ahead_.size();
+  return make_error(ErrorCode::kDamaged, camera().file.string(),
+                    "ends after {} images; frames.csv line {} has no image", row,
+                    row < camera().rows.size() ? camera().rows[row].line : 0);
+}
+
+bool ReplayCamera::decode_ahead(size_t most_bytes) {
+  if (!reader_ || next_ < kept_.size()) return false;
+  if (next_ + ahead_.size() >= camera().rows.size()) return false;
+  if ((ahead_.size() + 1) * image_bytes(camera()) > most_bytes) return false;
+  if (!ahead_.empty() && !ahead_.back()) return false;
+  ahead_.push_back(decode());
+  return true;
 }
 
 // A reading counts from its stamp on: live, too, nobody would have had it sooner.
@@ -90,6 +111,7 @@ Status ReplayCamera::rewind() {
     return {};
   }
   kept_.clear();
+  ahead_.clear();
   return reader_->rewind();
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <deque>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -32,6 +33,10 @@ class ReplayCamera {
   bool at_last_row() const { return next_ + 1 == camera().rows.size(); }
   /// The next row's image as a frame with the times, sequence and losses of `stamp`.
   Result<FramePtr> take(const RecordedRow& stamp);
+  /// Decodes one more image than was asked for, if there is one and what is ahead then holds
+  /// `most_bytes` at most; false: there is nothing left to do. What cannot be decoded is said by
+  /// the take() that it is for.
+  bool decode_ahead(size_t most_bytes);
   /// Passes over the next row; its image is decoded if later ones need it.
   Status skip();
   Status rewind();
@@ -46,6 +51,8 @@ class ReplayCamera {
   /// frame as it is played, by which those of the readings are moved, too.
   CameraPlacePtr place_of(const RecordedRow& recorded, const RecordedRow& now);
   Result<VideoFrame> take_image();
+  /// The next of the video.
+  Result<VideoFrame> decode();
 
   const std::shared_ptr<const Recording> recording_;
   const size_t index_;
@@ -56,6 +63,7 @@ class ReplayCamera {
   size_t next_ = 0;
   std::optional<RecordedRow> row_;
   std::vector<VideoFrame> kept_;
+  std::deque<Result<VideoFrame>> ahead_;  ///< decoded, of the rows from the next one on
   std::shared_ptr<AxisHistory> axes_;
   Duration time_offset_{0};
   size_t next_reading_ = 0;

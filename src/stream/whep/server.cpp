@@ -22,6 +22,9 @@ namespace {
 
 constexpr Duration kTurn = 100ms;  // looks at its viewers so often while there are any
 constexpr Duration kTick = 500ms;
+// What the first viewer would wait for is made ready then: it takes half a second of a core, which
+// those who look for the objects need when a daemon begins. A viewer that is there sooner waits.
+constexpr Duration kWarmUpAfter = 3s;
 
 class Pending : public WhepPending {
  public:
@@ -219,8 +222,7 @@ void Server::look_after(Time now) {
 }
 
 void Server::run(std::stop_token stop, const std::function<void()>& on_tick) {
-  warm_up();
-  Time next_tick{};
+  Time next_tick{}, warm_up_at = MonotonicClock::now() + kWarmUpAfter;
   std::unique_lock lock(mutex_);
   while (!stop.stop_requested()) {
     changed_.wait_for(lock, stop, peers_.empty() ? kTick : kTurn,
@@ -234,6 +236,8 @@ void Server::run(std::stop_token stop, const std::function<void()>& on_tick) {
     lock.unlock();
     if (job) answer(*job);
     const Time now = MonotonicClock::now();
+    if (!job && now >= warm_up_at) warm_up();
+    if (job || now >= warm_up_at) warm_up_at = Time::max();
     look_after(now);
     if (now >= next_tick && on_tick) {
       on_tick();
