@@ -127,9 +127,7 @@ void SearchWorker::search(const std::stop_token& stop, Heartbeat& heartbeat) {
   trail_.open();
   const ObjectSearch::Checks before = search_->checks();
   std::vector<Observation> found = search_->search(start, tracks_);
-  for (const ObjectSearch::Doubt& doubt : search_->doubts()) {
-    on_doubt_(doubt.object, doubt.doubted);
-  }
+  tell_doubts();
   const ObjectSearch::Checks now = search_->checks();
   const bool checked = now.done > before.done;
   (checked ? checks_ : searches_).add();
@@ -154,7 +152,22 @@ void SearchWorker::search(const std::stop_token& stop, Heartbeat& heartbeat) {
              found.empty() ? std::string("nothing")
                            : fmt::format("{} observations, {:.2f} s old", found.size(),
                                          to_seconds(MonotonicClock::now() - found.back().capture)));
+  const bool any = !found.empty();
   for (Observation& observation : found) on_observation_(std::move(observation));
+  if (any) check_found();
+}
+
+void SearchWorker::check_found() {
+  const uint64_t before = search_->checks().done;
+  search_->check_found();
+  checks_.add(search_->checks().done - before);
+  tell_doubts();
+}
+
+void SearchWorker::tell_doubts() {
+  for (const ObjectSearch::Doubt& doubt : search_->doubts()) {
+    on_doubt_(doubt.object, doubt.doubted);
+  }
 }
 
 void SearchWorker::wait(std::stop_token stop, Duration duration) {

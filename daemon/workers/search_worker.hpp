@@ -51,6 +51,8 @@ class SearchWorker {
   /// Learns the background from the newest frames, where that is due, and lets go of them.
   void learn();
   void search(const std::stop_token& stop, Heartbeat& heartbeat);
+  void check_found();
+  void tell_doubts();
   void wait(std::stop_token stop, Duration duration);
 
   std::unique_ptr<ObjectSearch> search_;

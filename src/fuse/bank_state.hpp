@@ -98,6 +98,7 @@ struct BankState {
   Time judged{};              ///< of the newest state: see settled() in track_state.cpp
   Duration undoubted{0};      ///< how long nothing has spoken against `tracking`, less what has
   bool outline_only = false;  ///< the newest measurements are of outline and edges alone
+  bool detected = false;      ///< they are what a search has found
 
   // Of the last set alone.
   CameraSet gated = 0;

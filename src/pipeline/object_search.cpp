@@ -12,7 +12,8 @@
 namespace sightline {
 namespace {
 
-constexpr Duration kEager = std::chrono::seconds(10);     // after it went missing: no bound on cost
+constexpr Duration kEager = std::chrono::seconds(10);  // after it went missing: no bound on cost
+constexpr Duration kTakenUp = std::chrono::milliseconds(200);  // what is found is tracked by then
 constexpr Duration kForgotten = std::chrono::seconds(5);  // without a search: it goes missing anew
 
 // Where its camera looked is known.
@@ -89,6 +90,12 @@ Status ObjectSearch::add_target(const Installation& installation, const RigObjec
 }
 
 bool ObjectSearch::due(const Target& target, Time now, std::span<const PoseTrackPtr> tracks) const {
+  // What was found a moment ago is checked first; another search would take several times as long.
+  if (std::ranges::any_of(targets_, [&](const Target& t) {
+        return !t.printed && t.proof.unchecked() && now - t.handed_at < kTakenUp;
+      })) {
+    return false;
+  }
   const bool paused = target.searched && now - target.last < target.pause;
   return (!paused || target.detector->waits()) && missing(target, now, tracks);
 }
@@ -141,7 +148,11 @@ std::vector<ObjectId> ObjectSearch::note_unseen(std::span<const PoseTrackPtr> tr
   for (Target& target : targets_) {
     const size_t index = target.object.index();
     if (index >= tracks.size() || !tracks[index] || tracks[index]->empty()) continue;
-    if (tracks[index]->newest().state != TrackState::kCoasting) continue;
+    const PoseEstimate& newest = tracks[index]->newest();
+    if (newest.state != TrackState::kCoasting) continue;
+    // Nobody has looked for it yet where it was found a moment ago.
+    const bool taken_up = newest.last_measured > target.handed_at;
+    if (!taken_up && newest.time - target.handed_at < kTakenUp) continue;
     if (target.proof.proven() && !target.printed) out.push_back(target.object);
     target.proof.begin_again();
   }

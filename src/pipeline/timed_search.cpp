@@ -19,19 +19,33 @@ void TimedSearch::charge() {
   charged_ += cost;
 }
 
-std::vector<Observation> TimedSearch::advance(Time now, std::span<const PoseTrackPtr> tracks) {
+bool TimedSearch::step(std::span<const PoseTrackPtr> tracks, std::vector<Observation>& found) {
   const FollowStep follow = [&](std::span<const FramePtr> frames) {
     return search_.follow(frames, tracks);
   };
+  if (done_ - began_ < kMaxCarry && under_way_->step(trail_, follow)) return true;
+  trail_.close();
+  found = under_way_->take();
+  return false;
+}
+
+std::vector<Observation> TimedSearch::advance(Time now, std::span<const PoseTrackPtr> tracks) {
   // When a step begins the trail has all frames up to then: those of `now` are later.
   while (under_way_ && done_ < now) {
-    const bool more = done_ - began_ < kMaxCarry && under_way_->step(trail_, follow);
+    if (checked_) {
+      under_way_.reset();
+      return {};
+    }
+    std::vector<Observation> found;
+    if (handed_) {
+      search_.check_found();
+      checked_ = true;
+    } else if (!step(tracks, found)) {
+      handed_ = !found.empty();
+      if (!handed_) under_way_.reset();
+    }
     charge();
-    if (more) continue;
-    trail_.close();
-    std::vector<Observation> found = under_way_->take();
-    under_way_.reset();
-    return found;
+    if (!found.empty()) return found;
   }
   return {};
 }
@@ -52,6 +66,7 @@ bool TimedSearch::take(std::span<const CameraFrame> frames, std::span<const Pose
   trail_.open();
   began_ = done_ = now;
   counted_ = search_.work();
+  handed_ = checked_ = false;
   under_way_.emplace(search_.search(now, tracks));
   charge();
   return true;

@@ -52,7 +52,7 @@ void TrackingChain::begin(Time now) {
   if (!timed_) return;
   const bool searching = timed_->under_way();
   const std::vector<Observation> found = timed_->advance(now, tracks());
-  if (searching && !timed_->under_way()) take_doubts();
+  if (searching && (!found.empty() || !timed_->under_way())) take_doubts();
   for (const Observation& observation : found) fusion_->process({&observation, 1});
 }
 
@@ -92,6 +92,7 @@ bool TrackingChain::search_at_once(std::span<const CameraFrame> frames) {
   if (!search_->complete(now) || !search_->due(now, tracks())) return false;
   found_ = false;
   const std::vector<Observation> results = search_->search(now, tracks());
+  search_->check_found();
   take_doubts();
   for (const Observation& found : results) {
     found_ = true;

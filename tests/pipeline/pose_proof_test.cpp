@@ -45,6 +45,7 @@ struct Proof : testing::Test {
   static Detection found(double score) {
     Detection out;
     out.by_contour = true;
+    out.contour_score = score;
     out.poses.push_back({Rigid3(), Vector6::Zero(), score, 2});
     return out;
   }
@@ -58,6 +59,37 @@ TEST_F(Proof, OneCheckIsEnoughForWhatStoodOut) {
   EXPECT_FALSE(proof.proven());
   EXPECT_FALSE(check(says(0.7, 0.5)));
   EXPECT_TRUE(proof.proven());
+}
+
+// Edges and colors count otherwise than contours: by little does not stand out what both find.
+TEST_F(Proof, WhatEdgesFindTooIsJudgedByItsContour) {
+  Detection both = found(0.8);
+  both.poses.front().evidence = 0.3;
+  proof.begin(both);
+  (void)check(says(0.7, 0.5));
+  EXPECT_TRUE(proof.proven());
+}
+
+TEST_F(Proof, AsItWasFoundItIsProvenOnlyIfThatIsClear) {
+  OrientationComparison low = says(0.7, 0.5);
+  low.rank = 0.5;
+  for (const OrientationComparison& compared : {low, says(0.7, 0.65)}) {
+    proof.begin(found(0.8));
+    EXPECT_FALSE(proof.shown_as_found(views(), Rigid3(), compared));
+    EXPECT_TRUE(proof.unchecked());
+    EXPECT_FALSE(proof.proven());
+    const Duration soon = proof.pause(TrackState::kDegraded);
+    EXPECT_FALSE(check(compared)) << "as it is tracked that is enough";
+    EXPECT_TRUE(proof.proven());
+    EXPECT_LT(soon, proof.pause(TrackState::kDegraded));
+  }
+  proof.begin(found(0.8));
+  EXPECT_TRUE(proof.shown_as_found(views(), Rigid3(), says(0.7, 0.5)));
+  EXPECT_FALSE(proof.unchecked());
+  EXPECT_TRUE(proof.proven());
+  proof.begin(found(0.6));
+  EXPECT_TRUE(proof.shown_as_found(views(), Rigid3(), says(0.7, 0.5)));
+  EXPECT_FALSE(proof.proven()) << "what stood out by little needs two";
 }
 
 TEST_F(Proof, TwoInARowForWhatStoodOutByLittle) {

@@ -7,6 +7,7 @@
 #include <map>
 
 #include "record/media.hpp"
+#include "record/replay_camera.hpp"
 #include "sightline/base/waiting.hpp"
 
 namespace sightline {
@@ -170,6 +171,55 @@ TEST_F(Paced, EndsWithoutLoop) {
   }
   EXPECT_EQ(left->next(stop_.get_token(), 1s)->kind, SourceStep::Kind::kEnd);
   EXPECT_EQ(left->next(stop_.get_token(), 1s)->kind, SourceStep::Kind::kEnd);
+}
+
+// A start that is not over when the first frame is asked for is used for decoding.
+TEST_F(Paced, WhatIsDecodedAheadComesInItsTurn) {
+  auto left = source(0, MonotonicClock::now() + 200ms, {});
+  for (int i = 0; i < 10; ++i) {
+    const auto step = left->next(stop_.get_token(), 10s);
+    ASSERT_TRUE(step);
+    ASSERT_EQ(step->kind, SourceStep::Kind::kFrame);
+    EXPECT_EQ(step->frame->info().sequence, static_cast<uint64_t>(i));
+    EXPECT_GE(MonotonicClock::now(), step->frame->info().arrival);
+    EXPECT_EQ(hash_of(step->frame->i420()), hash_of(pattern(i)->view()));
+  }
+  EXPECT_EQ(left->next(stop_.get_token(), 10s)->kind, SourceStep::Kind::kEnd);
+}
+
+TEST_F(Paced, DecodesAheadWithinItsBounds) {
+  const RecordedCamera& left = recording_->cameras[0];
+  const size_t image = static_cast<size_t>(left.width) * static_cast<size_t>(left.height) * 3 / 2;
+  auto camera = *record::ReplayCamera::open(recording_, 0, CameraId(0), {});
+  EXPECT_FALSE(camera->decode_ahead(image - 1));
+  int ahead = 0;
+  while (camera->decode_ahead(3 * image)) ++ahead;
+  EXPECT_EQ(ahead, 3);
+  ASSERT_TRUE(camera->skip());
+  EXPECT_TRUE(camera->decode_ahead(3 * image)) << "one less is ahead";
+  while (camera->decode_ahead(100 * image)) ++ahead;
+  EXPECT_EQ(ahead, 3 + 6) << "all ten";
+  for (int i = 1; i < 10; ++i) {
+    ASSERT_TRUE(camera->row());
+    const auto frame = camera->take(*camera->row());
+    ASSERT_TRUE(frame);
+    EXPECT_EQ(hash_of((*frame)->i420()), hash_of(pattern(i)->view()));
+  }
+  EXPECT_FALSE(camera->row());
+  EXPECT_FALSE(camera->decode_ahead(100 * image));
+}
+
+TEST_F(Paced, WhatCannotBeDecodedAheadIsSaidInItsTurn) {
+  const fs::path video = temp_ / "r" / "left.mkv";
+  fs::resize_file(video, fs::file_size(video) / 2);
+  auto camera = *record::ReplayCamera::open(recording_, 0, CameraId(0), {});
+  int ahead = 0;
+  while (camera->decode_ahead(size_t{1} << 30)) ++ahead;
+  ASSERT_GT(ahead, 1);
+  for (int i = 1; i < ahead; ++i) ASSERT_TRUE(camera->take(*camera->row())) << i;
+  const auto end = camera->take(*camera->row());
+  ASSERT_FALSE(end);
+  EXPECT_THAT(end.error().message(), testing::HasSubstr("left.mkv: ends after"));
 }
 
 TEST_F(Paced, LoopsInStepWithoutASeam) {

@@ -68,6 +68,11 @@ class ObjectSearch {
   std::vector<Observation> follow(std::span<const FramePtr> frames,
                                   std::span<const PoseTrackPtr> tracks);
 
+  /// Checks what search() has found, where follow() has found it last: in the same frames, so that
+  /// nobody has to wait for others. Changes doubts() only; what that leaves doubted is checked as
+  /// it is tracked. A tenth of a search.
+  void check_found();
+
   /// Says where an object is, for the searches for it up to `until`; it is looked for there first,
   /// in kHintTries searches at most, and then everywhere. Takes the place of an earlier hint.
   /// False: it is not searched for. Any thread.

@@ -39,12 +39,14 @@ class TimedSearch {
   /// each camera if one is due and none is under way; false: it was not.
   bool take(std::span<const CameraFrame> frames, std::span<const PoseTrackPtr> tracks);
 
-  /// Whether a search has begun whose results are not known yet.
+  /// Whether a search has begun whose results are not known yet, or not checked.
   bool under_way() const { return under_way_.has_value(); }
   /// All that has been charged so far.
   Duration charged() const { return charged_; }
 
  private:
+  /// One step of what is under way; false: that is done.
+  bool step(std::span<const PoseTrackPtr> tracks, std::vector<Observation>& found);
   /// Charges what has been done since it was charged last.
   void charge();
 
@@ -53,8 +55,10 @@ class TimedSearch {
   FrameTrail trail_;              ///< since the search under way began
   std::vector<FramePtr> newest_;  ///< by CameraId; not yet given to the search
   std::optional<CarryForward> under_way_;
-  Time began_{};  ///< the search under way
-  Time done_{};   ///< what it has done so far
+  bool handed_ = false;   ///< what it has found is to be checked
+  bool checked_ = false;  ///< it has been, which took until `done_`
+  Time began_{};          ///< the search under way
+  Time done_{};           ///< what it has done so far
   SearchWork counted_;
   Duration charged_{};
 };

@@ -68,7 +68,7 @@ namespace {
 // Whether the newest measurements are of outline and edges alone: those can lie on the wrong ones.
 // Few points of one side say as little of its tilt.
 void record_outline_only(std::span<const Observation> set, const Outcome* best, BankState& state) {
-  bool any = false, outline_only = true;
+  bool any = false, outline_only = true, detected = false;
   for (const Observation& observation : set) {
     if (best == nullptr || (best->accepted & camera_bit(observation.camera)) == 0) continue;
     for (const PoseTermPtr& term : observation.terms) {
@@ -76,9 +76,12 @@ void record_outline_only(std::span<const Observation> set, const Outcome* best, 
       const std::string_view kind = term->kind();
       outline_only &=
           kind == "region" || kind == "edge" || kind == "detection" || kind == "sparse_texture";
+      detected |= kind == "detection";
     }
   }
-  if (any) state.outline_only = outline_only;
+  if (!any) return;
+  state.outline_only = outline_only;
+  state.detected = detected;
 }
 
 }  // namespace
@@ -110,9 +113,8 @@ void HypothesisBank::step(const BankState& before, Time time,
   after.started &= !refuted_now;  // it was known
   record_pictures(time, observations, best, after);
   record_outline_only(observations, best, after);
-  const int outside =
-      (contradicted || doubted_ ? kContradicted : 0) | (possible_swap_ ? kPossibleSwap : 0);
-  publish(time, static_cast<DegradedReasons>(outside), options_, symmetric_, after);
+  const int outside = (doubted_ ? kContradicted : 0) | (possible_swap_ ? kPossibleSwap : 0);
+  publish(time, {contradicted, static_cast<DegradedReasons>(outside)}, options_, symmetric_, after);
 }
 
 void HypothesisBank::update(const MeasurementSet& set, BankState& state,

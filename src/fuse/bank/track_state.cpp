@@ -25,9 +25,9 @@ double largest_sigma(const Eigen::Matrix3d& covariance) {
 }
 
 // What is against `tracking`, of an object that `holding` cameras see.
-DegradedReasons degraded_reasons_of(int holding, DegradedReasons outside,
-                                    const EstimatorOptions& options,
-                                    const SymmetricHypotheses& symmetric, const BankState& state) {
+DegradedReasons degraded_reasons_of(int holding, const EstimatorOptions& options,
+                                    const SymmetricHypotheses& symmetric, const BankState& state,
+                                    bool contradicted) {
   const Hypothesis& main = state.hypotheses[0];
   const Matrix6 covariance = state.published.own_covariance();
   const bool alone = holding == 1;
@@ -38,7 +38,7 @@ DegradedReasons degraded_reasons_of(int holding, DegradedReasons outside,
       alone && state.outline_only
           ? std::min(options.max_sigma_rotation, options.max_sigma_rotation_alone)
           : options.max_sigma_rotation;
-  DegradedReasons degraded_reasons = outside;
+  DegradedReasons degraded_reasons = 0;
   const auto add = [&](bool holds, DegradedReason reason) {
     if (holds) degraded_reasons = static_cast<DegradedReasons>(degraded_reasons | reason);
   };
@@ -51,12 +51,14 @@ DegradedReasons degraded_reasons_of(int holding, DegradedReasons outside,
   add(alone && (options.one_camera_is_degraded || (degraded_reasons & kWeakPosition) != 0),
       kOneCamera);
   add(state.unexplained || state.absent, kUnexplained);
+  add(contradicted, kContradicted);
   return degraded_reasons;
 }
 
-// An outline on its way to the right edges passes every test now and then. So something must not
-// have spoken against `tracking` for kSettle, or for as long as it did before: time without doubt
-// adds up, time with doubt is taken off. Markers and textures say at once where they are.
+// An outline on its way to the right edges passes every test now and then. So nothing in the
+// estimate must have spoken against `tracking` for kSettle, or for as long as it did before: time
+// without doubt adds up, time with doubt is taken off. What others say against it counts while they
+// say it. Markers and textures say at once where they are.
 bool settled(Time time, bool sure, BankState& state) {
   const Duration passed = std::clamp(time - state.judged, Duration(0), kSettle);
   state.judged = time;
@@ -65,7 +67,7 @@ bool settled(Time time, bool sure, BankState& state) {
   return sure && (!state.outline_only || state.undoubted == kSettle);
 }
 
-void classify(Time time, DegradedReasons outside, const EstimatorOptions& options,
+void classify(Time time, const Objections& objections, const EstimatorOptions& options,
               const SymmetricHypotheses& symmetric, BankState& state) {
   PoseEstimate& out = state.published;
   out.degraded_reasons = 0;
@@ -79,19 +81,22 @@ void classify(Time time, DegradedReasons outside, const EstimatorOptions& option
   if (holding == 0) {
     out.state = TrackState::kCoasting;
     settled(time, false, state);
-    const int reasons =
-        (outside & kPossibleSwap) | (symmetric.ambiguous(state.hypotheses[0]) ? kAmbiguous : 0);
+    const int reasons = (objections.outside & kPossibleSwap) |
+                        (symmetric.ambiguous(state.hypotheses[0]) ? kAmbiguous : 0);
     out.degraded_reasons = static_cast<DegradedReasons>(reasons);
     return;
   }
   // Of as many cameras that say one thing as say another nobody knows which are right.
-  if (refused_cameras(time, options, state) >= holding) {
-    outside = static_cast<DegradedReasons>(outside | kContradicted);
-  }
-  out.degraded_reasons = degraded_reasons_of(holding, outside, options, symmetric, state);
-  const bool sure = settled(time, out.degraded_reasons == 0, state);
-  if (!sure && out.degraded_reasons == 0) out.degraded_reasons = kUnconfirmed;
-  out.state = sure ? TrackState::kTracking : TrackState::kDegraded;
+  const bool contradicted =
+      objections.contradicted || refused_cameras(time, options, state) >= holding;
+  const DegradedReasons inside =
+      degraded_reasons_of(holding, options, symmetric, state, contradicted);
+  // Nobody has tracked yet what was found and is doubted.
+  const bool untried = state.detected && objections.outside != 0;
+  const bool sure = settled(time, inside == 0 && !untried, state);
+  const int doubts = inside == 0 && !sure ? kUnconfirmed : 0;
+  out.degraded_reasons = static_cast<DegradedReasons>(inside | objections.outside | doubts);
+  out.state = out.degraded_reasons == 0 ? TrackState::kTracking : TrackState::kDegraded;
 }
 
 // The filter takes a camera's systematic error for new in every frame and averages it away. What is
@@ -129,7 +134,7 @@ void add_spread(const BankState& state, PoseEstimate& estimate) {
 
 }  // namespace
 
-void publish(Time time, DegradedReasons outside, const EstimatorOptions& options,
+void publish(Time time, const Objections& objections, const EstimatorOptions& options,
              const SymmetricHypotheses& symmetric, BankState& state) {
   PoseEstimate& out = state.published;
   if (state.count > 0) {
@@ -154,7 +159,7 @@ void publish(Time time, DegradedReasons outside, const EstimatorOptions& options
     out.cameras = 0;
   }
   out.time = time;
-  classify(time, outside, options, symmetric, state);
+  classify(time, objections, options, symmetric, state);
   if (out.state != TrackState::kCoasting) return;
   for (Hypothesis& hypothesis : state.hypotheses) {
     hypothesis.motion = at_least_nominal(hypothesis.motion);

@@ -9,10 +9,15 @@
 
 namespace sightline::fuse {
 
+/// What is against `tracking` that a state does not hold.
+struct Objections {
+  bool contradicted = false;    ///< by the newest measurements
+  DegradedReasons outside = 0;  ///< by others, who look at the pose
+};
+
 /// Fills state.published from the hypotheses. While several remain, the covariance holds their
-/// spread; symmetric poses are in its `alternatives`. `outside`: what is against `tracking` that
-/// the state does not hold.
-void publish(Time time, DegradedReasons outside, const EstimatorOptions& options,
+/// spread; symmetric poses are in its `alternatives`.
+void publish(Time time, const Objections& objections, const EstimatorOptions& options,
              const SymmetricHypotheses& symmetric, BankState& state);
 
 /// What becomes of a state by the time `now` if no set comes in: coasting, lost, searching.

@@ -124,6 +124,7 @@ class ObjectDetector::Impl {
       out = by_contour;
     } else {
       out.by_contour = same_place(out, by_contour);
+      if (out.by_contour) out.contour_score = by_contour.contour_score;
     }
     order_.note(where, !out.poses.empty(), belief_.waiting() != nullptr);
     log_search({judge_.object(), "searched", where}, model(), contours, out, belief_.waiting());
@@ -240,6 +241,7 @@ class ObjectDetector::Impl {
                                out);
     }
     out.by_contour = earlier.by_contour;
+    out.contour_score = earlier.contour_score;
     measure_twists(earlier, out);
     return out;
   }

@@ -55,6 +55,23 @@ void ObjectSearch::check(Target& target, Time now, std::span<const PoseTrackPtr>
   hand_out(target, out);
 }
 
+void ObjectSearch::check_found() {
+  for (Target& target : targets_) {
+    if (target.found.poses.empty() || target.printed || target.proof.proven()) continue;
+    const DetectedPose& found = target.found.poses.front();
+    target.checked = target.found.time;
+    ++checks_.done;
+    const OrientationComparison compared = target.detector->compare_orientations(
+        found.world_from_object, found.twist, target.found.time, target.colors.get());
+    log::debug(
+        "check: {} as found: rank {:.2f}, nearby {:.2f}, colors {}; score {:.2f}, turned "
+        "{:.2f}",
+        target.object.index(), compared.rank, compared.fitted_rank,
+        compared.shows_colors ? "show" : "do not", compared.here, compared.other);
+    target.proof.shown_as_found(*target.views, found.world_from_object, compared);
+  }
+}
+
 Detection ObjectSearch::check_print(Target& target, const Rigid3& pose) {
   feature_work_.textures += cameras_.size();
   Detection found = by_features(target, target.features->propose());

@@ -13,7 +13,7 @@ constexpr int kEarlyChecks = 4;
 constexpr Duration kEarlyCheck = std::chrono::milliseconds(150);
 constexpr Duration kDegradedCheck = std::chrono::milliseconds(500);
 constexpr Duration kCheck = std::chrono::seconds(2);
-constexpr Duration kSecondCheck = std::chrono::milliseconds(80);  // after a suspicion
+constexpr Duration kSecondCheck = std::chrono::milliseconds(80);  // and after a suspicion
 // Another orientation has to score so much. Of each check the logarithm of its score over that of
 // the orientation in force counts, less what chance gives (at true poses of twelve recordings it
 // has 1.06 of it at most, docs/detection.md), up to a bound: no single one decides.
@@ -25,14 +25,19 @@ constexpr int kChecksOfWeak = 2;        // that have to pass before what scored 
 constexpr double kWeakScore = 0.7;
 constexpr int kChecksWithoutDoubt = 4;  // in a row, if another orientation scores as much
 constexpr int kDoubts = 2;              // checks in a row that end in a search
-// A pose that ranks so much as it is needs no search about its place.
-constexpr double kRankThatStandsOut = 0.45;
+// A pose that ranks so much as it is stands out: it needs no search about its place, unless it
+// ranks less than the second and is not proven otherwise.
+constexpr double kRankThatStandsOut = 0.45, kRankThatProves = 0.5;
+// Of poses as they were found, right ones rank 0.35 to 0.88 there, wrong ones up to 0.52 or no
+// better than their other orientations (docs/detection.md, "Checked as it was found").
+constexpr double kRankAsFound = 0.55, kOtherAsFound = 0.85;
 // A search about its place has found something else of so much its rank.
 constexpr double kOutdone = 1.15;
 // Log ratios of how often right and wrong poses give that (docs/detection.md, "Found again by
 // itself"). By that the third would be below 0, too; but what no search comes to, and nothing
 // outranks time after time, is right: the search is not good enough for it.
-constexpr double kFoundAgain = 2.5, kStandsOut = 1.5, kUndecided = 0.4, kOutdoneOdds = -4;
+constexpr double kFoundAgain = 2.5, kStandsOut = 1.5, kStandsOutALittle = 0.4, kUndecided = 0.4,
+                 kOutdoneOdds = -4;
 constexpr double kLeastOdds = -5, kMostOdds = 3;  // what was long so may change
 // Ratio test (Lowe 2004, section 7.1): it counts in full where the next pose at that place has the
 // first share of the best one's rank at most, and not at all from the second share on.
@@ -64,7 +69,7 @@ void PoseProof::begin(const Detection& found) {
   color_odds_ = std::min(color_odds_ / 2, 0.0);
   forget_suspicion();
   if (found.poses.empty()) return;
-  found_weakly_ = found.by_contour && found.poses.front().evidence < kWeakScore;
+  found_weakly_ = found.by_contour && found.contour_score < kWeakScore;
 }
 
 void PoseProof::forget_suspicion() {
@@ -74,6 +79,7 @@ void PoseProof::forget_suspicion() {
 
 Duration PoseProof::pause(TrackState state) const {
   if (suspected()) return kSecondCheck;
+  if (unchecked()) return kSecondCheck;
   if (checks_ < kEarlyChecks) return kEarlyCheck;
   const bool settled = state == TrackState::kTracking && log_odds_ >= kMostOdds;
   return settled ? kCheck : kDegradedCheck;
@@ -90,6 +96,16 @@ bool PoseProof::refuted_by(const ViewpointModel& views, const Rigid3& pose,
   const bool is_turned = turned(views, pose, compared);
   note_passed(compared);
   return is_turned;
+}
+
+bool PoseProof::shown_as_found(const ViewpointModel& views, const Rigid3& pose,
+                               const OrientationComparison& compared) {
+  if (compared.rank < kRankAsFound) return false;
+  if (compared.other > kOtherAsFound * compared.here) return false;
+  count();
+  (void)refuted_by(views, pose, compared);
+  add_odds(kStandsOut);
+  return true;
 }
 
 void PoseProof::let_pass() {
@@ -110,8 +126,12 @@ void PoseProof::add_odds(double log_ratio) {
 
 bool PoseProof::wants_search(const OrientationComparison& compared, Time now) {
   const bool stands_out = compared.rank >= kRankThatStandsOut;
-  if (stands_out) add_odds(kStandsOut);
-  if (stands_out || disbelieved()) return false;
+  if (stands_out) {
+    const double share =
+        (compared.rank - kRankThatStandsOut) / (kRankThatProves - kRankThatStandsOut);
+    add_odds(std::lerp(kStandsOutALittle, kStandsOut, std::min(share, 1.0)));
+  }
+  if ((stands_out && log_odds_ >= kClaimedOdds) || disbelieved()) return false;
   return log_odds_ < kMostOdds || now - searched_ >= kCheck;
 }
 

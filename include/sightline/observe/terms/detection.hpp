@@ -37,8 +37,10 @@ struct Detection {
   std::vector<Observation> observations;
   double runner_up = 0;  ///< evidence of the best pose that was not accepted
   /// The local contrast of its outline speaks for it, so that the mesh's colors cannot refuse it.
-  /// If that alone does, it is the evidence, 0..1.
   bool by_contour = false;
+  /// Score of the best pose by that, 0..1, as it was found; it is the evidence where nothing else
+  /// speaks for it.
+  double contour_score = 0;
 };
 
 }  // namespace sightline

@@ -31,6 +31,10 @@ class PoseProof {
   /// What it says. True: the images show another orientation, OrientationComparison::best.
   bool refuted_by(const ViewpointModel& views, const Rigid3& pose,
                   const OrientationComparison& compared);
+  /// What a check says in the frames in which it was found. It was found by what that looks at, so
+  /// it counts only if it is clear. False: it does not.
+  bool shown_as_found(const ViewpointModel& views, const Rigid3& pose,
+                      const OrientationComparison& compared);
   /// It is nowhere to be seen: nothing to hold back.
   void let_pass();
   /// Whether a search about its place should say if it is found there by itself, too.
@@ -46,6 +50,8 @@ class PoseProof {
   bool take_doubts();
 
   bool proven() const;
+  /// No check of it counts yet.
+  bool unchecked() const { return checks_ == 0; }
   bool suspected() const { return suspicion_ || doubts_ > 0; }
   /// From one check to the next.
   Duration pause(TrackState state) const;

@@ -137,6 +137,7 @@ void DetectionJudge::decide_by_contour(const DetectorFrames& frames,
     accepted.push_back(&pose);
   }
   out.by_contour = true;
+  out.contour_score = best.score;
   report(frames, accepted, out);
 }
 
