@@ -83,6 +83,7 @@ Status ObjectSearch::add_target(const Installation& installation, const RigObjec
                                                     DetectionPolicy::detector_options(
                                                         options, target.colors != nullptr),
                                                     run_in_parallel));
+  if (target.colors) target.detector->prepare(*target.colors);
   const auto& start = installation.objects.at(object.named.id.index()).start;
   if (start) target.told = Told{*start, Time::max(), 0};
   targets_.push_back(std::move(target));

@@ -59,6 +59,8 @@ class ObjectDetector::Impl {
     forget_told();
   }
 
+  void prepare(const ColorVerifier& colors) { color_templates_.emplace(bank_, colors.samples()); }
+
   void set_others(std::vector<KnownObject> known, size_t alike) {
     taken_.set(std::move(known));
     judge_.expect(alike);
@@ -109,7 +111,7 @@ class ObjectDetector::Impl {
     if (!clear) {
       const auto mesh_colors = colors_of(colors);
       contours = search_contours(scan_.scan(frames_, scanned, where, mesh_colors.get()),
-                                 mesh_colors.get());
+                                 mesh_colors.get(), most_in_pool());
       for (const ContourPose& pose : contours) {
         judged.push_back(judge_.judge(fitter_.with_contrast(frames_.fit_cameras(), pose.fit)));
       }
@@ -184,7 +186,7 @@ class ObjectDetector::Impl {
     const ScanResult hits = scan_.scan(frames_, scanned, where, mesh_colors.get());
     trace.stages.push_back({"scan", scan_.poses(frames_, hits), trace.clock ? trace.clock() : 0});
     std::vector<ContourPose> poses = contours_.search(
-        frames_, verification_.by_edges(frames_, hits), mesh_colors.get(), &trace, kMaxPool);
+        frames_, verification_.by_edges(frames_, hits), mesh_colors.get(), &trace, most_in_pool());
     sort_by_rank(poses);
     if (colors != nullptr) weigh_by_colors(*colors, trace.time, kLeastColors, poses);
     if (!poses.empty()) trace.second_share = second_to_best(model(), poses);
@@ -275,7 +277,7 @@ class ObjectDetector::Impl {
   // Of the mesh, in the frames that are searched; null: it has none.
   std::unique_ptr<const MeshColors> colors_of(const ColorVerifier* colors) {
     if (colors == nullptr) return nullptr;
-    if (!color_templates_) color_templates_.emplace(bank_, colors->samples());
+    if (!color_templates_) prepare(*colors);
     std::vector<const HalfSizeImage*> images;
     for (size_t i = 0; i < frames_.size(); ++i) images.push_back(&frames_.image(i));
     return std::make_unique<const MeshColors>(bank_, *color_templates_, frames_.search_cameras(),
@@ -334,8 +336,10 @@ class ObjectDetector::Impl {
   }
 
   // By contours, what somebody told of among it. Best first.
+  size_t most_in_pool() const { return frames_.size() == 1 ? kMaxPoolOfOne : kMaxPool; }
+
   std::vector<ContourPose> search_contours(const ScanResult& hits, const MeshColors* colors,
-                                           size_t pool = kMaxPool) const {
+                                           size_t pool) const {
     std::vector<JointPose> verified = verification_.by_edges(frames_, hits);
     if (const auto* place = hint_ ? std::get_if<ImageHint>(&*hint_) : nullptr) {
       const std::vector<JointPose> about = verified_about(*place);
@@ -409,6 +413,7 @@ Result<std::unique_ptr<ObjectDetector>> ObjectDetector::create(
 ObjectDetector::ObjectDetector(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 ObjectDetector::~ObjectDetector() = default;
 
+void ObjectDetector::prepare(const ColorVerifier& colors) { impl_->prepare(colors); }
 void ObjectDetector::set_others(std::vector<KnownObject> known, size_t alike) {
   impl_->set_others(std::move(known), alike);
 }

@@ -57,6 +57,9 @@ class ObjectDetector {
   /// the frame says of it. `foreground` of this frame, of half its size; null: not known.
   void add_frame(CameraId camera, const Frame& frame, const ForegroundMap* foreground = nullptr);
 
+  /// What the first detect() with these colors would do once; some 10 ms.
+  void prepare(const ColorVerifier& colors);
+
   /// What else there is, for all that follows: where one of `known` stands, this object is not
   /// (they must outlive those calls); `alike`: so many objects that look the same are looked for as
   /// well, so that as many other places may look as much like it.

@@ -2,6 +2,7 @@
 #include "observe/detect/colors/color_templates.hpp"
 
 #include <algorithm>
+#include <bitset>
 #include <cmath>
 
 namespace sightline::observe {
@@ -56,8 +57,10 @@ ColorTemplates::ColorTemplates(const TemplateBank& bank, std::span<const Surface
       mean += color / static_cast<float>(count);
     }
     for (Spot& spot : spots) spot.color -= mean;
-    const float weight = weight_of(spots);
-    views_.push_back({std::move(spots), weight});
+    Colors view{std::move(spots)};
+    view.weight = weight_of(view.spots);
+    for (const Spot& spot : view.spots) view.sums.add(spot);
+    views_.push_back(std::move(view));
   }
 }
 
@@ -75,28 +78,35 @@ float ColorTemplates::weight_of(std::span<const Spot> spots) {
 }
 
 float ColorTemplates::correlation(const WeakPerspectivePose& pose, const ColorMap& map) const {
-  const auto& [spots, weight] = views_[pose.view];
+  const Colors& view = views_[pose.view];
+  const std::vector<Spot>& spots = view.spots;
   const float c = std::cos(pose.turn) * pose.scale, s = std::sin(pose.turn) * pose.scale;
-  Eigen::Array4f a = Eigen::Array4f::Zero(), b = a, ab = a, aa = a, bb = a;
-  float seen = 0;
-  for (const Spot& spot : spots) {
+  Eigen::Array4f b = Eigen::Array4f::Zero(), ab = b, bb = b;
+  std::bitset<kMaxSpots> inside;
+  for (size_t i = 0; i < spots.size(); ++i) {
+    const Spot& spot = spots[i];
     const int x = static_cast<int>(pose.x + c * spot.x - s * spot.y + 0.5f);
     const int y = static_cast<int>(pose.y + s * spot.x + c * spot.y + 0.5f);
     if (x < 0 || y < 0 || x >= map.width() || y >= map.height()) continue;
     const Eigen::Array4f shown = map.at(x, y);
-    a += spot.color;
     b += shown;
     ab += spot.color * shown;
-    aa += spot.color.square();
     bb += shown.square();
-    seen += 1;
+    inside.set(i);
   }
+  const auto seen = static_cast<float>(inside.count());
   if (seen < kMinSeen * static_cast<float>(spots.size()) || spots.empty()) return 0;
+  Sums part;
+  const bool all = inside.count() == spots.size();
+  for (size_t i = 0; i < (all ? 0 : spots.size()); ++i) {
+    if (inside[i]) part.add(spots[i]);
+  }
+  const auto& [a, aa] = all ? view.sums : part;
   const Eigen::Array4f shown = bb - b.square() / seen;
   const Eigen::Array4f has = (shown > kNoColor * seen).cast<float>();
   const float painted = ((aa - a.square() / seen) * has).sum();
   const float scale = std::sqrt(std::max(0.0f, painted * (shown * has).sum()));
-  return scale > 1e-3f ? weight * ((ab - a * b / seen) * has).sum() / scale : 0;
+  return scale > 1e-3f ? view.weight * ((ab - a * b / seen) * has).sum() / scale : 0;
 }
 
 }  // namespace sightline::observe

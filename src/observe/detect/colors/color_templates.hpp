@@ -54,9 +54,17 @@ class ColorTemplates {
   };
   static float weight_of(std::span<const Spot> spots);
 
+  struct Sums {
+    void add(const Spot& spot) {
+      color += spot.color;
+      square += spot.color.square();
+    }
+    Eigen::Array4f color = Eigen::Array4f::Zero(), square = Eigen::Array4f::Zero();
+  };
   struct Colors {
     std::vector<Spot> spots;
     float weight = 0;  ///< 0 .. 1, by how many of the spots tell colors apart
+    Sums sums = {};    ///< of all spots: few poses have any out of the image
   };
   std::vector<Colors> views_;
 };
