@@ -15,10 +15,9 @@ namespace {
 // which prints these numbers. A search of these recordings takes 0.22 to 0.6 s on average; the
 // model is off by 5 to 29 % of it (root mean square of a recording). A faster search needs new
 // numbers: those of the scan, of looks and of fits are less by what both builds' fits to the same
-// rows, measured in turn on one machine, differ by; that of images, and the last tenth that the scan
-// costs less, by what `perf` says of both.
+// rows, measured in turn on one machine, differ by; that of images by what `perf` says of both.
 constexpr double kImage = 2'250'000;  // edges, and the response maps that are made of them
-constexpr double kPlace = 0.7;        // of all turns of a view, which share what is read
+constexpr double kPlace = 0.77;       // refitted since all turns of a view share what is read
 constexpr double kChecked = 100;
 constexpr double kScored = 806;
 constexpr double kMask = 200;

@@ -221,8 +221,11 @@ TEST_F(Proof, ColorsThatDoNotShowTakeTheClaimBack) {
 TEST_F(Proof, ChecksAreFrequentAtFirstAndAfterASuspicion) {
   using namespace std::chrono_literals;
   proof.begin(found(0.8));
+  const Duration first = proof.pause(TrackState::kTracking);
+  (void)check(says(0.7, 0.5));
   const Duration early = proof.pause(TrackState::kTracking);
-  for (int i = 0; i < 4; ++i) (void)check(says(0.7, 0.5));
+  EXPECT_LT(first, early);
+  for (int i = 0; i < 3; ++i) (void)check(says(0.7, 0.5));
   EXPECT_GT(proof.pause(TrackState::kDegraded), early);
   EXPECT_GT(proof.pause(TrackState::kTracking), proof.pause(TrackState::kDegraded));
   (void)check(says(0.5, 0.7));

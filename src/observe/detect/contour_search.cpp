@@ -266,19 +266,16 @@ std::vector<JointPose> ContourSearch::screened(const DetectorFrames& frames,
                                                const MeshColors* colors,
                                                DetectionTrace* trace) const {
   const double radius = bank_.model().radius();
-  const bool alone = frames.size() == 1;
   const JointSearch joint(bank_, frames.search_cameras(), executor_);
   joint.climb(poses, JointSearch::Spread::kFar, 0.15, 0.25 * radius, 0);
   add_agreement(colors, poses, executor_);
-  poses = of_each_distance(frames, std::move(poses), alone ? kMaxClimbedOnOfOne : kMaxClimbedOn,
-                           keep_best);
+  poses = of_each_distance(frames, std::move(poses), kMaxClimbedOn, keep_best);
   joint.climb(poses, JointSearch::Spread::kFar, 0.075, 0.125 * radius, 1);
   sort_by_score(poses);
-  poses = thinned(poses, bank_.model().center(), 0.1 * radius, 0.12, poses.size());
+  poses = thinned(poses, bank_.model().center(), 0.1 * radius, 0.12, kMaxPool);
   note(trace, "climbed", poses);
   add_agreement(colors, poses, executor_);
-  poses = of_each_distance(frames, std::move(poses), alone ? kMaxScreenedOfOne : kMaxScreened,
-                           keep_best);
+  poses = of_each_distance(frames, std::move(poses), kMaxScreened, keep_best);
   executor_(poses.size(), [&](size_t i) {
     const RigMotion resting{poses[i].world_from_object, Vector6::Zero()};
     PoseFit here = fitter_.lines(frames.fit_cameras(), resting, kScreenedStep);
@@ -286,7 +283,7 @@ std::vector<JointPose> ContourSearch::screened(const DetectorFrames& frames,
   });
   sort_by_score(poses);
   note(trace, "screened", poses);
-  return keep_best(std::move(poses), alone ? kMaxContourFitsOfOne : kMaxContourFits);
+  return keep_best(std::move(poses), frames.size() == 1 ? kMaxContourFitsOfOne : kMaxContourFits);
 }
 
 // Rivals of the best: the same turned about its principal axes, and where a slightly other start

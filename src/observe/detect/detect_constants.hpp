@@ -98,16 +98,13 @@ constexpr size_t kSectorBins = 16;  // of each channel
 // Of the Bhattacharyya coefficient of luma, where there is no color: as if the other channels told
 // nearly as much. 1.5 gives the same rows (docs/detection.md, "Without colors").
 constexpr double kGrayExponent = 2.5;
-constexpr int kSectorReach = 8;      // [half-size px] samples on either side of the outline
-constexpr int kMinSectorPixels = 8;  // on each side
-// Poses that climb; those that climb by smaller steps, too; those that are looked at along the
-// outline. With twice as many 203 of 336 single searches are right, 9 wrong; with these 206 and 8;
-// with 0.6 times these 205 and 10. The same where one camera takes part, where more are needed.
-constexpr size_t kMaxPool = 250, kMaxPoolOfOne = 500;
-constexpr size_t kMaxClimbedOn = 125, kMaxClimbedOnOfOne = 250;
-constexpr size_t kMaxScreened = 100, kMaxScreenedOfOne = 200;
-constexpr size_t kPoolOfPlace = 125;          // about what waits to be found again
-constexpr size_t kScreenedStep = 4;           // every fourth sample does for that
+constexpr int kSectorReach = 8;        // [half-size px] samples on either side of the outline
+constexpr int kMinSectorPixels = 8;    // on each side
+constexpr size_t kMaxPool = 500;       // poses that climb
+constexpr size_t kPoolOfPlace = 125;   // about what waits to be found again
+constexpr size_t kMaxScreened = 200;   // of them, that are looked at along the outline
+constexpr size_t kScreenedStep = 4;    // every fourth sample does for that
+constexpr size_t kMaxClimbedOn = 250;  // of them, that climb by smaller steps, too
 constexpr double kForegroundPosterior = 0.6;  // of a pixel that counts as the object's
 constexpr double kMinColorContrast = 0.5;     // inside and outside, of colors that tell the object
 constexpr size_t kMaxReoriented = 8;          // orientations by those pixels that are fitted

@@ -111,7 +111,7 @@ class ObjectDetector::Impl {
     if (!clear) {
       const auto mesh_colors = colors_of(colors);
       contours = search_contours(scan_.scan(frames_, scanned, where, mesh_colors.get()),
-                                 mesh_colors.get(), most_in_pool());
+                                 mesh_colors.get());
       for (const ContourPose& pose : contours) {
         judged.push_back(judge_.judge(fitter_.with_contrast(frames_.fit_cameras(), pose.fit)));
       }
@@ -186,7 +186,7 @@ class ObjectDetector::Impl {
     const ScanResult hits = scan_.scan(frames_, scanned, where, mesh_colors.get());
     trace.stages.push_back({"scan", scan_.poses(frames_, hits), trace.clock ? trace.clock() : 0});
     std::vector<ContourPose> poses = contours_.search(
-        frames_, verification_.by_edges(frames_, hits), mesh_colors.get(), &trace, most_in_pool());
+        frames_, verification_.by_edges(frames_, hits), mesh_colors.get(), &trace, kMaxPool);
     sort_by_rank(poses);
     if (colors != nullptr) weigh_by_colors(*colors, trace.time, kLeastColors, poses);
     if (!poses.empty()) trace.second_share = second_to_best(model(), poses);
@@ -336,10 +336,8 @@ class ObjectDetector::Impl {
   }
 
   // By contours, what somebody told of among it. Best first.
-  size_t most_in_pool() const { return frames_.size() == 1 ? kMaxPoolOfOne : kMaxPool; }
-
   std::vector<ContourPose> search_contours(const ScanResult& hits, const MeshColors* colors,
-                                           size_t pool) const {
+                                           size_t pool = kMaxPool) const {
     std::vector<JointPose> verified = verification_.by_edges(frames_, hits);
     if (const auto* place = hint_ ? std::get_if<ImageHint>(&*hint_) : nullptr) {
       const std::vector<JointPose> about = verified_about(*place);

@@ -50,19 +50,6 @@ float turn_angle(int turn, const ScanRange& range) {
   return static_cast<float>(2 * std::numbers::pi * turn / range.turns);
 }
 
-// Either half goes around the whole outline.
-ViewFeatures every_second_first(const ViewFeatures& features) {
-  ViewFeatures out;
-  for (size_t first = 0; first < 2; ++first) {
-    for (size_t i = first; i < features.count; i += 2) {
-      out.x[out.count] = features.x[i];
-      out.y[out.count] = features.y[i];
-      out.angle[out.count++] = features.angle[i];
-    }
-  }
-  return out;
-}
-
 ViewFeatures pick_features(const View& view, const Eigen::Vector3d& center) {
   const FeaturePicker picker(view, center);
   ViewFeatures out;
@@ -76,7 +63,7 @@ ViewFeatures pick_features(const View& view, const Eigen::Vector3d& center) {
     const InnerEdgeSample& edge = view.edges[(2 * i + 1) * view.edges.size() / (2 * inner)];
     picker.add(edge.point, picker.normal_of(edge), out);
   }
-  return every_second_first(out);
+  return out;
 }
 
 // Keeps the best hits of a stream of unknown length and quality.

@@ -10,9 +10,8 @@ namespace sightline::observe {
 /// Sums the responses of a template's features for `columns` places side by side:
 ///     sums[x] = sum over features of feature[offset + x]
 /// and says whether any sum is at least `threshold`. At most 31 features of at most 8 each, so a
-/// byte holds the sum. Reads and writes up to a multiple of 32 columns. Sums may be given as 0
-/// where they are below the threshold, and in blocks of columns in which the first half of the
-/// features comes to less than its part of the threshold everywhere.
+/// byte holds the sum. Reads and writes up to a multiple of 32 columns. Sums below the threshold
+/// may be given as 0.
 bool sum_features(std::span<const uint8_t* const> features, ptrdiff_t offset, int columns,
                   uint8_t threshold, uint8_t* sums);
 

@@ -13,6 +13,7 @@ namespace {
 using vectors::Bytes;
 using vectors::kBytes;
 constexpr int kBlock = 64;  // columns: wider ones are seldom left out, shorter ones cost more
+constexpr size_t kMostOfFeature = 8;  // its response
 
 template <int kVectors>
 inline bool any_reaches(const Bytes (&sum)[kVectors], uint8_t threshold) {
@@ -34,16 +35,17 @@ inline void add_features(std::span<const uint8_t* const> features, ptrdiff_t at,
   }
 }
 
-// Where the first half of the features comes to less than its part of the threshold in every column
-// the others are not read, and the sums are zero.
+// Where the first features leave too little for the others to make up for, those are not read: the
+// sums are zero then, instead of something below the threshold.
 template <int kVectors>
 inline bool sum_block(std::span<const uint8_t* const> features, ptrdiff_t at, uint8_t threshold,
                       uint8_t* to) {
   Bytes sum[kVectors] = {};
   const size_t first = features.size() / 2;
+  const size_t most_of_rest = kMostOfFeature * (features.size() - first);
   add_features(features.first(first), at, sum);
-  const size_t part = features.empty() ? 0 : threshold * first / features.size();
-  if (!any_reaches(sum, static_cast<uint8_t>(part))) {
+  if (threshold > most_of_rest &&
+      !any_reaches(sum, static_cast<uint8_t>(threshold - most_of_rest))) {
     std::memset(to, 0, sizeof sum);
     return false;
   }
