@@ -13,7 +13,7 @@ namespace sightline {
 namespace {
 
 constexpr Duration kEager = std::chrono::seconds(10);  // after it went missing: no bound on cost
-constexpr Duration kTakenUp = std::chrono::milliseconds(200);  // what is found is tracked by then
+constexpr Duration kTakenUp = std::chrono::milliseconds(150);  // what is found is tracked by then
 constexpr Duration kForgotten = std::chrono::seconds(5);  // without a search: it goes missing anew
 
 // Where its camera looked is known.
