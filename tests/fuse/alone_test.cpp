@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// An outline that one camera alone sees has to tell the rotation better than anything else.
+// What outlines alone have to show before they are believed: of one camera, the rotation better
+// than anything else; of any, for a while.
 #include <gtest/gtest.h>
 
 #include "fuse/rig_run.hpp"
@@ -21,6 +22,16 @@ class NamedTerm : public PoseTerm {
   std::string_view kind_;
 };
 
+std::vector<Observation> named(std::span<const Observation> from, std::string_view kind) {
+  std::vector<Observation> set(from.begin(), from.end());
+  for (Observation& observation : set) {
+    for (PoseTermPtr& term : observation.terms) {
+      term = std::make_shared<const NamedTerm>(term, kind);
+    }
+  }
+  return set;
+}
+
 // The last estimate of so many cameras that measure with terms of this kind, with a limit of one
 // camera's outline that nothing meets.
 PoseEstimate last_of(int cameras, std::string_view kind) {
@@ -30,13 +41,7 @@ PoseEstimate last_of(int cameras, std::string_view kind) {
   PoseEstimate last;
   const SyntheticRig rig(moving_rig(cameras));
   for (const auto& each : rig.sets()) {
-    std::vector<Observation> set(each.begin(), each.end());
-    for (Observation& observation : set) {
-      for (PoseTermPtr& term : observation.terms) {
-        term = std::make_shared<const NamedTerm>(term, kind);
-      }
-    }
-    last = estimator.process(set).estimate;
+    last = estimator.process(named(each, kind)).estimate;
   }
   return last;
 }
@@ -59,6 +64,37 @@ TEST(Alone, AnOutlineIsNoSurerThanItsFrames) {
   EXPECT_GT(outline.sigma_translation(), 1.1 * marker.sigma_translation());
   EXPECT_NEAR(outline.own_sigma_translation(), marker.own_sigma_translation(),
               0.05 * marker.own_sigma_translation());
+}
+
+// From the end of a doubt that lasted while terms of this kind were measured, outlines from then
+// on.
+Duration until_tracking(std::string_view kind_while_doubted) {
+  constexpr size_t kDoubted = 12;
+  auto estimator = make();
+  const SyntheticRig rig(moving_rig(2));
+  std::optional<Time> end;
+  for (size_t i = 0; i < rig.sets().size(); ++i) {
+    const bool doubted = i < kDoubted;
+    estimator.set_doubted(doubted);
+    const PoseEstimate estimate =
+        estimator.process(named(rig.sets()[i], doubted ? kind_while_doubted : "region")).estimate;
+    if (doubted) {
+      EXPECT_EQ(estimate.state, TrackState::kDegraded);
+      continue;
+    }
+    if (!end) end = estimate.time;
+    if (estimate.state == TrackState::kTracking) return estimate.time - *end;
+  }
+  return Duration::max();
+}
+
+TEST(Settled, ADoubtFromOutsideDoesNotHoldItBack) {
+  EXPECT_EQ(until_tracking("region"), Duration(0));
+}
+
+TEST(Settled, WhatWasOnlyFoundHasToBeTracked) {
+  EXPECT_GE(until_tracking("detection"), std::chrono::milliseconds(60));
+  EXPECT_LE(until_tracking("detection"), std::chrono::milliseconds(200));
 }
 
 }  // namespace

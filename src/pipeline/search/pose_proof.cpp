@@ -25,11 +25,11 @@ constexpr int kChecksOfWeak = 2;        // that have to pass before what scored 
 constexpr double kWeakScore = 0.7;
 constexpr int kChecksWithoutDoubt = 4;  // in a row, if another orientation scores as much
 constexpr int kDoubts = 2;              // checks in a row that end in a search
-// A pose that ranks so much as it is stands out: it needs no search about its place, unless it
-// ranks less than the second and is not proven otherwise.
+// A pose that ranks so much as it is stands out, the more the nearer to the second: where that is
+// enough, it needs no search about its place.
 constexpr double kRankThatStandsOut = 0.45, kRankThatProves = 0.5;
-// Of poses as they were found, right ones rank 0.35 to 0.88 there, wrong ones up to 0.52 or no
-// better than their other orientations (docs/detection.md, "Checked as it was found").
+// Of poses as they were found, right ones rank 0.19 to 0.88, wrong ones up to 0.52 or no better
+// than their other orientations (docs/detection.md, "From the first frame to `tracking`").
 constexpr double kRankAsFound = 0.55, kOtherAsFound = 0.85;
 // A search about its place has found something else of so much its rank.
 constexpr double kOutdone = 1.15;
