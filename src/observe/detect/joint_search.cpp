@@ -45,8 +45,7 @@ double JointSearch::score(const Rigid3& world_from_object, Spread spread) const 
 struct JointSearch::Sweep {
   const SearchCamera& seen_by;
   WeakPerspectivePose flat;
-  std::array<int, ViewFeatures::kMax> bins;
-  std::array<float, ViewFeatures::kMax> x, y;  // of the features, turned [m]
+  PlacedFeatures features;  // turned [m]
 };
 
 std::optional<JointSearch::Sweep> JointSearch::sweep(const SearchCamera& seen_by,
@@ -54,13 +53,14 @@ std::optional<JointSearch::Sweep> JointSearch::sweep(const SearchCamera& seen_by
   const auto flat = bank_.weak_perspective(
       seen_by.camera->model, seen_by.camera_from_world * world_from_object, seen_by.shrink);
   if (!flat) return std::nullopt;
-  Sweep out{seen_by, *flat, {}, {}, {}};
+  Sweep out{seen_by, *flat, {}};
   const ViewFeatures& f = bank_.features(flat->view);
   const float c = std::cos(flat->turn), s = std::sin(flat->turn);
-  for (size_t i = 0; i < f.count; ++i) {
-    out.bins[i] = angle_bin(f.angle[i] + flat->turn);
-    out.x[i] = c * f.x[i] - s * f.y[i];
-    out.y[i] = s * f.x[i] + c * f.y[i];
+  out.features.count = f.count;
+  for (size_t i = 0; i < ViewFeatures::kMax; ++i) {
+    out.features.bins[i] = angle_bin(f.angle[i] + flat->turn);
+    out.features.x[i] = c * f.x[i] - s * f.y[i];
+    out.features.y[i] = s * f.x[i] + c * f.y[i];
   }
   return out;
 }
@@ -79,13 +79,8 @@ double JointSearch::sweep_score(const Sweep& sweep, const Eigen::Vector3d& cente
   if (x < 0 || y < 0 || x >= static_cast<float>(maps.width()) ||
       y >= static_cast<float>(maps.height()))
     return -1;
-  const size_t count = bank_.features(sweep.flat.view).count;
-  int sum = 0;
-  for (size_t i = 0; i < count; ++i) {
-    const float u = x + scale * sweep.x[i], v = y + scale * sweep.y[i];
-    if (u < 0 || v < 0) continue;
-    sum += maps.at(sweep.bins[i], static_cast<int>(u), static_cast<int>(v));
-  }
+  const size_t count = sweep.features.count;
+  const int sum = sum_responses(maps.planes(), sweep.features, x, y, scale);
   return count == 0
              ? 0.0
              : static_cast<double>(sum) / static_cast<double>(ResponseMaps::kFullResponse * count);

@@ -126,13 +126,14 @@ float TemplateBank::score(const WeakPerspectivePose& pose, const ResponseMaps& m
   const ViewFeatures& f = features_[pose.view];
   if (f.count == 0) return 0;
   const float c = std::cos(pose.turn) * pose.scale, s = std::sin(pose.turn) * pose.scale;
-  int sum = 0;
-  for (size_t i = 0; i < f.count; ++i) {
-    const float x = pose.x + c * f.x[i] - s * f.y[i];
-    const float y = pose.y + s * f.x[i] + c * f.y[i];
-    sum += maps.at(angle_bin(f.angle[i] + pose.turn), static_cast<int>(std::floor(x + 0.5f)),
-                   static_cast<int>(std::floor(y + 0.5f)));
+  PlacedFeatures placed;
+  placed.count = f.count;
+  for (size_t i = 0; i < ViewFeatures::kMax; ++i) {
+    placed.bins[i] = angle_bin(f.angle[i] + pose.turn);
+    placed.x[i] = pose.x + c * f.x[i] - s * f.y[i] + 0.5f;
+    placed.y[i] = pose.y + s * f.x[i] + c * f.y[i] + 0.5f;
   }
+  const int sum = sum_responses(maps.planes(), placed, 0, 0, 1);
   return static_cast<float>(sum) /
          static_cast<float>(ResponseMaps::kFullResponse * static_cast<int>(f.count));
 }

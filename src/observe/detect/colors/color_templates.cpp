@@ -2,13 +2,13 @@
 #include "observe/detect/colors/color_templates.hpp"
 
 #include <algorithm>
+#include <array>
 #include <bitset>
 #include <cmath>
 
 namespace sightline::observe {
 namespace {
 
-constexpr size_t kMaxSpots = 64;    // of a view
 constexpr float kFewSpots = 3;      // that tell colors apart count half
 constexpr float kMinSeen = 0.75f;   // of them, in the image
 constexpr float kMinFacing = 0.3f;  // cosine between normal and line of sight
@@ -46,30 +46,31 @@ ColorTemplates::ColorTemplates(const TemplateBank& bank, std::span<const Surface
     }
     const Eigen::Matrix3f rotation = camera_from_object.rotation_matrix().cast<float>();
     const size_t count = std::min(kMaxSpots, facing.size());
-    std::vector<Spot> spots;
+    Colors view;
     Eigen::Array4f mean = Eigen::Array4f::Zero();
     for (size_t k = 0; k < count; ++k) {
       const SurfaceSample& spot = *facing[k * facing.size() / count];
       const Eigen::Vector3f place = rotation * (spot.point - center);
       Eigen::Array4f color = Eigen::Array4f::Zero();
       color.head<3>() = spot.color.array();
-      spots.push_back({place.x(), place.y(), color});
+      view.x[k] = place.x();
+      view.y[k] = place.y();
+      view.colors.push_back(color);
       mean += color / static_cast<float>(count);
     }
-    for (Spot& spot : spots) spot.color -= mean;
-    Colors view{std::move(spots)};
-    view.weight = weight_of(view.spots);
-    for (const Spot& spot : view.spots) view.sums.add(spot);
+    for (Eigen::Array4f& color : view.colors) color -= mean;
+    view.weight = weight_of(view.colors);
+    for (const Eigen::Array4f& color : view.colors) view.sums.add(color);
     views_.push_back(std::move(view));
   }
 }
 
 // By the effective number of spots that differ from the mean (participation ratio of their squared
 // distances): all of them where the colors share the surface, few where one stands out.
-float ColorTemplates::weight_of(std::span<const Spot> spots) {
+float ColorTemplates::weight_of(std::span<const Eigen::Array4f> colors) {
   float sum = 0, squares = 0;
-  for (const Spot& spot : spots) {
-    const float away = spot.color.square().sum();
+  for (const Eigen::Array4f& color : colors) {
+    const float away = color.square().sum();
     sum += away;
     squares += away * away;
   }
@@ -79,18 +80,23 @@ float ColorTemplates::weight_of(std::span<const Spot> spots) {
 
 float ColorTemplates::correlation(const WeakPerspectivePose& pose, const ColorMap& map) const {
   const Colors& view = views_[pose.view];
-  const std::vector<Spot>& spots = view.spots;
+  const std::vector<Eigen::Array4f>& spots = view.colors;
   const float c = std::cos(pose.turn) * pose.scale, s = std::sin(pose.turn) * pose.scale;
+  // Where they are is computed for all of them, side by side.
+  std::array<int, kMaxSpots> at;
+  for (size_t i = 0; i < kMaxSpots; ++i) {
+    const int x = static_cast<int>(pose.x + c * view.x[i] - s * view.y[i] + 0.5f);
+    const int y = static_cast<int>(pose.y + s * view.x[i] + c * view.y[i] + 0.5f);
+    const bool seen = (x >= 0) & (y >= 0) & (x < map.width()) & (y < map.height());
+    at[i] = seen ? y * map.width() + x : -1;
+  }
   Eigen::Array4f b = Eigen::Array4f::Zero(), ab = b, bb = b;
   std::bitset<kMaxSpots> inside;
   for (size_t i = 0; i < spots.size(); ++i) {
-    const Spot& spot = spots[i];
-    const int x = static_cast<int>(pose.x + c * spot.x - s * spot.y + 0.5f);
-    const int y = static_cast<int>(pose.y + s * spot.x + c * spot.y + 0.5f);
-    if (x < 0 || y < 0 || x >= map.width() || y >= map.height()) continue;
-    const Eigen::Array4f shown = map.at(x, y);
+    if (at[i] < 0) continue;
+    const Eigen::Array4f shown = map.at(static_cast<size_t>(at[i]));
     b += shown;
-    ab += spot.color * shown;
+    ab += spots[i] * shown;
     bb += shown.square();
     inside.set(i);
   }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -20,9 +21,9 @@ class ColorMap {
   void compute(const HalfSizeImage& image);
   int width() const { return width_; }
   int height() const { return height_; }
-  Eigen::Array4f at(int x, int y) const {
-    const Sums& sums =
-        pixels_[static_cast<size_t>(y) * static_cast<size_t>(width_) + static_cast<size_t>(x)];
+  /// `pixel`: row by row.
+  Eigen::Array4f at(size_t pixel) const {
+    const Sums& sums = pixels_[pixel];
     const auto wide = __builtin_convertvector(sums, FourInts);
     const FourFloats mean = 0.25f * __builtin_convertvector(wide, FourFloats);
     return Eigen::Array4f(mean[0], mean[1], mean[2], mean[3]);
@@ -48,23 +49,21 @@ class ColorTemplates {
   float correlation(const WeakPerspectivePose& pose, const ColorMap& map) const;
 
  private:
-  struct Spot {
-    float x, y;            ///< relative to the center [m]
-    Eigen::Array4f color;  ///< Y'CbCr about the mean of the view, and 0
-  };
-  static float weight_of(std::span<const Spot> spots);
+  static constexpr size_t kMaxSpots = 64;  // of a view
+  static float weight_of(std::span<const Eigen::Array4f> colors);
 
   struct Sums {
-    void add(const Spot& spot) {
-      color += spot.color;
-      square += spot.color.square();
+    void add(const Eigen::Array4f& spot) {
+      color += spot;
+      square += spot.square();
     }
     Eigen::Array4f color = Eigen::Array4f::Zero(), square = Eigen::Array4f::Zero();
   };
   struct Colors {
-    std::vector<Spot> spots;
-    float weight = 0;  ///< 0 .. 1, by how many of the spots tell colors apart
-    Sums sums = {};    ///< of all spots: few poses have any out of the image
+    std::array<float, kMaxSpots> x{}, y{};  ///< of the spots, relative to the center [m]
+    std::vector<Eigen::Array4f> colors;     ///< Y'CbCr about the mean of the view, and 0
+    float weight = 0;                       ///< 0 .. 1, by how many of the spots tell colors apart
+    Sums sums;                              ///< of all spots: few poses have any out of the image
   };
   std::vector<Colors> views_;
 };

@@ -57,6 +57,7 @@ void EdgeImage::clear(int width, int height) {
     const size_t size = static_cast<size_t>(width) * static_cast<size_t>(height);
     for (auto* values : {&gradient_x_, &gradient_y_, &magnitude_}) values->assign(size, 0);
     bins_.assign(size, 0);
+    strong_.assign(size, 0);
     width_ = width;
     height_ = height;
     return;
@@ -72,6 +73,7 @@ void EdgeImage::clear(int width, int height) {
     zero(gradient_y_);
     zero(magnitude_);
     zero(bins_);
+    zero(strong_);
   }
 }
 
@@ -79,6 +81,7 @@ void EdgeImage::keep_where(const std::vector<uint8_t>& near) {
   for (size_t i = 0; i < bins_.size(); ++i) {
     bins_[i] = near[i] != 0 ? bins_[i] : uint8_t{0};
     magnitude_[i] = near[i] != 0 ? magnitude_[i] : 0.0f;
+    strong_[i] = near[i] != 0 ? strong_[i] : uint8_t{0};
   }
 }
 
@@ -126,6 +129,7 @@ void EdgeImage::thin() {
       const size_t i = pixel_index(x, y, width_);
       const float strength = magnitude_[i];
       if (strength < threshold_) continue;
+      strong_[i] = 1;
       const float gx = gradient_x_[i], gy = gradient_y_[i];
       const float ax = std::abs(gx), ay = std::abs(gy);
       const int step_x = ax * 2.414f > ay ? (gx > 0 ? 1 : -1) : 0;
@@ -170,19 +174,19 @@ void ResponseMaps::compute(const EdgeImage& edges, const std::vector<uint8_t>& b
   // Whole vectors of the scanning kernel may be read past the end of a row.
   half_ = ((width_ + 2 * margin_ + 1) / kColumnStep + 63) / 32 * 32;
   stride_ = kColumnStep * half_;
+  plane_ = stride_ * (height_ + 2 * margin_);
+  maps_.assign(static_cast<size_t>(kEdgeBins * plane_) + 64, 0);
   spread_out(edges.bins(), full_width, full_height, spread, spread_);
   const bool all = &borders == &edges.bins();
   if (!all) spread_out(borders, full_width, full_height, spread, spread_borders_);
   const std::vector<uint8_t>& spread_borders = all ? spread_ : spread_borders_;
   for (int bin = 0; bin < kEdgeBins; ++bin) {
-    auto& map = maps_[static_cast<size_t>(bin)];
-    map.assign(static_cast<size_t>(stride_) * static_cast<size_t>(height_ + 2 * margin_) + 64, 0);
     const auto& table = full_responses[static_cast<size_t>(bin)];
     const auto& within = within_responses[static_cast<size_t>(bin)];
     for (int y = 0; y < height_; ++y) {
       const uint8_t* any = spread_.data() + pixel_index(0, 2 * y, full_width);
       const uint8_t* border = spread_borders.data() + pixel_index(0, 2 * y, full_width);
-      uint8_t* row = map.data() + (margin_ + y) * stride_;
+      uint8_t* row = maps_.data() + bin * plane_ + (margin_ + y) * stride_;
       for (int first = 0; first < std::min(kColumnStep, width_); ++first) {
         uint8_t* to = row + column(first);
         for (int x = first; x < width_; x += kColumnStep) {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <vector>
 
+#include "observe/detect/kernels/response_kernel.hpp"
 #include "observe/detect/pixels/half_size_frame.hpp"
 
 namespace sightline::observe {
@@ -38,6 +38,8 @@ class EdgeImage {
   const std::vector<float>& gradient_y() const { return gradient_y_; }
   const std::vector<float>& magnitude() const { return magnitude_; }
   float threshold() const { return threshold_; }
+  /// Of the pixels that reach the threshold, thinned or not: 1, else 0.
+  const std::vector<uint8_t>& strong() const { return strong_; }
 
  private:
   static PixelBox inner(const PixelBox& box);
@@ -50,7 +52,7 @@ class EdgeImage {
   PixelBox box_;  ///< of what is known
   float threshold_ = 0;
   std::vector<float> gradient_x_, gradient_y_, magnitude_, sorted_;
-  std::vector<uint8_t> bins_;
+  std::vector<uint8_t> bins_, strong_;
 };
 
 /// How well an edge of each direction is supported near a point, as bytes 0..kFullResponse: edges
@@ -74,12 +76,16 @@ class ResponseMaps {
   ptrdiff_t stride() const { return stride_; }
   /// Of a pixel of a direction's map, margins included; those kColumnStep columns on follow.
   const uint8_t* place(int bin, int x, int y) const {
-    return maps_[static_cast<size_t>(bin)].data() + (margin_ + y) * stride_ + column(x);
+    return maps_.data() + bin * plane_ + (margin_ + y) * stride_ + column(x);
   }
   /// 0 outside.
   int at(int bin, int x, int y) const {
     if (x < 0 || y < 0 || x >= width_ || y >= height_) return 0;
     return *place(bin, x, y);
+  }
+  ResponsePlanes planes() const {
+    const auto bytes = [](ptrdiff_t count) { return static_cast<int32_t>(count); };
+    return {maps_.data(), bytes(plane_), bytes(stride_), bytes(half_), width_, height_, margin_};
   }
 
  private:
@@ -91,9 +97,9 @@ class ResponseMaps {
   }
 
   int width_ = 0, height_ = 0, margin_ = 0;
-  ptrdiff_t stride_ = 0, half_ = 0;  ///< of a row; of its even columns
+  ptrdiff_t plane_ = 0, stride_ = 0, half_ = 0;  ///< of a direction; a row; its even columns
   std::vector<uint8_t> spread_, spread_borders_, row_spread_;
-  std::array<std::vector<uint8_t>, kEdgeBins> maps_;
+  std::vector<uint8_t> maps_;
 };
 
 }  // namespace sightline::observe

@@ -2,6 +2,8 @@
 #include "observe/detect/pixels/sample_edges.hpp"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
 
 #include "observe/detect/detect_constants.hpp"
@@ -12,36 +14,45 @@ namespace {
 // Where edges cross a line through the image, and how strong they are there.
 class LineAcross {
  public:
+  static constexpr int kPlaces = 8;  // that are looked up at once
+
   LineAcross(const EdgeImage& edges, const ProjectedSample& sample)
-      : magnitude_(edges.magnitude().data()),
-        gradient_x_(edges.gradient_x().data()),
-        gradient_y_(edges.gradient_y().data()),
-        width_(edges.width()),
-        height_(edges.height()),
-        threshold_(edges.threshold()),
+      : edges_(edges),
         start_(sample.pixel + Eigen::Vector2d::Constant(0.5)),
         normal_(sample.normal),
         normal_x_(static_cast<float>(sample.normal.x())),
         normal_y_(static_cast<float>(sample.normal.y())) {}
 
-  // Strength of the edge along the line so far from its middle; 0 outside of the image and where it
-  // is below the threshold.
-  float strength(double s) const {
-    // No floor(): what it would round otherwise is out of the image in any case.
-    const int x = static_cast<int>(start_.x() + s * normal_.x());
-    const int y = static_cast<int>(start_.y() + s * normal_.y());
-    if (x < 1 || y < 1 || x >= width_ - 1 || y >= height_ - 1) return 0;
-    const ptrdiff_t i = static_cast<ptrdiff_t>(y) * width_ + x;
-    const float magnitude = magnitude_[i];
-    if (magnitude < threshold_) return 0;
-    const float along = std::abs(gradient_x_[i] * normal_x_ + gradient_y_[i] * normal_y_);
-    return along > 0.8f * magnitude ? along : 0;
+  // Which of so many places from `first` on reach the threshold, a bit each, the first one lowest.
+  // Few do: where they are is computed for all, side by side.
+  uint32_t strong(int first, std::array<int, kPlaces>& at) const {
+    const int width = edges_.width(), height = edges_.height();
+    for (int k = 0; k < kPlaces; ++k) {
+      // No floor(): what it would round otherwise is out of the image in any case.
+      const int x = static_cast<int>(start_.x() + (first + k) * normal_.x());
+      const int y = static_cast<int>(start_.y() + (first + k) * normal_.y());
+      const bool inside = (x > 0) & (y > 0) & (x < width - 1) & (y < height - 1);
+      at[static_cast<size_t>(k)] = inside ? y * width + x : 0;  // the corner has no edge
+    }
+    uint32_t out = 0;
+    for (int k = 0; k < kPlaces; ++k) {
+      const auto i = static_cast<size_t>(at[static_cast<size_t>(k)]);
+      out |= static_cast<uint32_t>(edges_.strong()[i]) << k;
+    }
+    return out;
+  }
+
+  // Strength of the edge along the line at a pixel that reaches the threshold; 0: it does not
+  // cross.
+  float strength(int at) const {
+    const auto i = static_cast<size_t>(at);
+    const float along =
+        std::abs(edges_.gradient_x()[i] * normal_x_ + edges_.gradient_y()[i] * normal_y_);
+    return along > 0.8f * edges_.magnitude()[i] ? along : 0;
   }
 
  private:
-  const float *magnitude_, *gradient_x_, *gradient_y_;
-  const int width_, height_;
-  const float threshold_;
+  const EdgeImage& edges_;
   const Eigen::Vector2d start_, normal_;
   const float normal_x_, normal_y_;
 };
@@ -69,26 +80,32 @@ std::optional<double> best_edge(const EdgeImage& edges, const ProjectedSample& s
   const LineAcross line(edges, sample);
   const float enough = 4 * edges.threshold();
   const auto over_reach = static_cast<float>(1 / (reach + 1));
+  const int steps = static_cast<int>(reach);
+  std::array<int, LineAcross::kPlaces> at;
   float best = 0;
   int place = 0;
-  const int steps = static_cast<int>(reach);
-  for (int s = -steps; s <= steps; ++s) {
-    const float strength = line.strength(s);
-    if (!(strength > 0)) continue;
-    const float off = static_cast<float>(s) * over_reach;
-    const float value = std::min(strength, enough) * (1 - 0.7f * off * off);
-    if (value > best) {
-      best = value;
-      place = s;
+  for (int first = -steps; first <= steps; first += LineAcross::kPlaces) {
+    for (uint32_t left = line.strong(first, at); left != 0; left &= left - 1) {
+      const int k = std::countr_zero(left), s = first + k;
+      if (s > steps) break;
+      const float off = static_cast<float>(s) * over_reach;
+      const float strength = line.strength(at[static_cast<size_t>(k)]);
+      const float value = std::min(strength, enough) * (1 - 0.7f * off * off);
+      if (value > best) {
+        best = value;
+        place = s;
+      }
     }
   }
   if (!(best > 0)) return std::nullopt;
-  const auto middle = static_cast<double>(line.strength(place));
-  const auto before = static_cast<double>(line.strength(place - 1));
-  const auto after = static_cast<double>(line.strength(place + 1));
+  const uint32_t strong = line.strong(place - 1, at);
+  const auto beside = [&](size_t k) {
+    return (strong >> k & 1) != 0 ? static_cast<double>(line.strength(at[k])) : 0.0;
+  };
+  const double before = beside(0), middle = beside(1), after = beside(2);
   const double bend = before + after - 2 * middle;
-  const double beside = bend < -1e-6 ? std::clamp(0.5 * (before - after) / bend, -0.7, 0.7) : 0.0;
-  return place + beside;
+  const double shift = bend < -1e-6 ? std::clamp(0.5 * (before - after) / bend, -0.7, 0.7) : 0.0;
+  return place + shift;
 }
 
 bool weak_edge(const EdgeImage& edges, const Eigen::Vector2d& place,
