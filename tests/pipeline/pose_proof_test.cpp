@@ -33,8 +33,12 @@ struct Proof : testing::Test {
   }
   // A check of a pose of this rank, and a search about its place, if it asks for that.
   void search(double rank, bool same, double found_rank, double second = 0.5) {
+    search_fitted(rank, rank, same, found_rank, second);
+  }
+  void search_fitted(double rank, double fitted_rank, bool same, double found_rank, double second) {
     OrientationComparison comparison = says(0.7, 0.5);
-    comparison.rank = comparison.fitted_rank = rank;
+    comparison.rank = rank;
+    comparison.fitted_rank = fitted_rank;
     (void)check(comparison);
     PlaceSearch about;
     about.same = same;
@@ -90,6 +94,17 @@ TEST_F(Proof, AsItWasFoundItIsProvenOnlyIfThatIsClear) {
   proof.begin(found(0.6));
   EXPECT_TRUE(proof.shown_as_found(views(), Rigid3(), says(0.7, 0.5)));
   EXPECT_FALSE(proof.proven()) << "what stood out by little needs two";
+}
+
+TEST_F(Proof, AsItWasFoundBesideAnotherIsNoProof) {
+  Detection beside = found(0.8);
+  beside.second_share = 0.85;
+  proof.begin(beside);
+  EXPECT_FALSE(proof.shown_as_found(views(), Rigid3(), says(0.7, 0.5)));
+  EXPECT_TRUE(proof.unchecked());
+  beside.second_share = 0.75;
+  proof.begin(beside);
+  EXPECT_TRUE(proof.shown_as_found(views(), Rigid3(), says(0.7, 0.5)));
 }
 
 TEST_F(Proof, TwoInARowForWhatStoodOutByLittle) {
@@ -178,6 +193,29 @@ TEST_F(Proof, SomethingElseThatRanksMoreTakesTheClaimBack) {
   EXPECT_FALSE(proof.proven());
   for (int i = 0; i < 2; ++i) search(0.2, true, 0.2);
   EXPECT_TRUE(proof.proven());
+}
+
+// "The same" is within 20 degrees.
+TEST_F(Proof, ATrackThatFallsBehindWhatTurnsLosesItsClaim) {
+  proof.begin(found(0.8));
+  search(0.7, true, 0.7);
+  ASSERT_TRUE(proof.proven());
+  search_fitted(0.17, 0.6, true, 0.63, 0.86);
+  EXPECT_TRUE(proof.proven()) << "predicted a little off: the fit from there comes to it";
+  search_fitted(0.17, 0.37, true, 0.63, 0.86);
+  EXPECT_FALSE(proof.proven());
+}
+
+TEST_F(Proof, ARankThatHasFallenAndSomethingElseThatRanksMoreTakeTheClaimBack) {
+  for (const bool fell : {true, false}) {
+    proof = PoseProof();
+    proof.begin(found(0.8));
+    search(fell ? 0.7 : 0.35, true, 0.4);
+    ASSERT_TRUE(proof.proven());
+    search_fitted(0.2, 0.32, false, 0.35, 0.95);
+    EXPECT_TRUE(searched);
+    EXPECT_EQ(proof.proven(), !fell);
+  }
 }
 
 TEST_F(Proof, WhatNothingElseOutranksIsClaimedInTheEnd) {

@@ -31,8 +31,19 @@ constexpr double kRankThatStandsOut = 0.45, kRankThatProves = 0.5;
 // Of poses as they were found, right ones rank 0.19 to 0.88, wrong ones up to 0.52 or no better
 // than their other orientations (docs/detection.md, "From the first frame to `tracking`").
 constexpr double kRankAsFound = 0.55, kOtherAsFound = 0.85;
+// Nor what another pose there came so near to when it was found: of 255 such checks, over cuts of
+// 19 objects, 4 of 45 beyond that were of wrong poses, and 3 of 210 below.
+constexpr double kSecondAsFound = 0.8;
 // A search about its place has found something else of so much its rank.
 constexpr double kOutdone = 1.15;
+// Or something that stands out, by so many times the rank of the pose as it is, and by more than
+// what is fitted from there: so near to a pose that has lost the object turning that it is taken
+// for the same. Of 335 such searches none at right poses (8 at 1.5), 8 to 10 at those 8 degrees and
+// more off (docs/detection.md, "Checked while followed").
+constexpr double kLostTo = 2.0, kFittedOfLost = 0.92;
+// Or the pose has fallen to so much of the rank that it had, and something else there ranks so many
+// times that: 1 and 9.
+constexpr double kFallen = 0.4, kOutranks = 1.5;
 // Log ratios of how often right and wrong poses give that (docs/detection.md, "Found again by
 // itself"). By that the third would be below 0, too; but what no search comes to, and nothing
 // outranks time after time, is right: the search is not good enough for it.
@@ -51,6 +62,7 @@ constexpr double kLeastColorOdds = -4, kMostColorOdds = 2, kClaimedColorOdds = -
 }  // namespace
 
 void PoseProof::begin_again() {
+  best_rank_ = 0;
   checks_ = passed_ = undoubted_ = 0;
   proven_ = false;
   log_odds_ = std::min(log_odds_, 0.0);
@@ -70,6 +82,7 @@ void PoseProof::begin(const Detection& found) {
   forget_suspicion();
   if (found.poses.empty()) return;
   found_weakly_ = found.by_contour && found.contour_score < kWeakScore;
+  found_distinct_ = !found.by_contour || found.second_share <= kSecondAsFound;
 }
 
 void PoseProof::forget_suspicion() {
@@ -93,6 +106,7 @@ bool PoseProof::take_doubts() {
 
 bool PoseProof::refuted_by(const ViewpointModel& views, const Rigid3& pose,
                            const OrientationComparison& compared) {
+  best_rank_ = std::max(best_rank_, compared.rank);
   const bool is_turned = turned(views, pose, compared);
   note_passed(compared);
   return is_turned;
@@ -100,7 +114,8 @@ bool PoseProof::refuted_by(const ViewpointModel& views, const Rigid3& pose,
 
 bool PoseProof::shown_as_found(const ViewpointModel& views, const Rigid3& pose,
                                const OrientationComparison& compared) {
-  if (compared.rank < kRankAsFound) return false;
+  best_rank_ = std::max(best_rank_, compared.rank);
+  if (!found_distinct_ || compared.rank < kRankAsFound) return false;
   if (compared.other > kOtherAsFound * compared.here) return false;
   count();
   (void)refuted_by(views, pose, compared);
@@ -132,13 +147,23 @@ bool PoseProof::wants_search(const OrientationComparison& compared, Time now) {
     add_odds(std::lerp(kStandsOutALittle, kStandsOut, std::min(share, 1.0)));
   }
   if ((stands_out && log_odds_ >= kClaimedOdds) || disbelieved()) return false;
-  return log_odds_ < kMostOdds || now - searched_ >= kCheck;
+  const bool fell = compared.rank < kFallen * best_rank_;
+  return log_odds_ < kMostOdds || fell || now - searched_ >= kCheck;
+}
+
+bool PoseProof::has_lost_it(const PlaceSearch& search,
+                            const OrientationComparison& compared) const {
+  const bool fell = compared.rank < kFallen * best_rank_;
+  if (fell && !search.same && search.rank >= kOutranks * compared.rank) return true;
+  return search.rank >= kRankThatStandsOut && search.rank >= kLostTo * compared.rank &&
+         compared.fitted_rank <= kFittedOfLost * search.rank;
 }
 
 void PoseProof::note_search(const PlaceSearch& search, const OrientationComparison& compared,
                             Time now) {
   searched_ = now;
-  const bool outdone = !search.same && search.rank > kOutdone * compared.fitted_rank;
+  const bool outdone = (!search.same && search.rank > kOutdone * compared.fitted_rank) ||
+                       has_lost_it(search, compared);
   const double distinct =
       std::clamp((kIndistinct - search.second) / (kIndistinct - kDistinct), 0.0, 1.0);
   add_odds(outdone ? kOutdoneOdds : distinct * (search.same ? kFoundAgain : kUndecided));
