@@ -96,17 +96,6 @@ TEST_F(Proof, AsItWasFoundItIsProvenOnlyIfThatIsClear) {
   EXPECT_FALSE(proof.proven()) << "what stood out by little needs two";
 }
 
-TEST_F(Proof, AsItWasFoundBesideAnotherIsNoProof) {
-  Detection beside = found(0.8);
-  beside.second_share = 0.85;
-  proof.begin(beside);
-  EXPECT_FALSE(proof.shown_as_found(views(), Rigid3(), says(0.7, 0.5)));
-  EXPECT_TRUE(proof.unchecked());
-  beside.second_share = 0.75;
-  proof.begin(beside);
-  EXPECT_TRUE(proof.shown_as_found(views(), Rigid3(), says(0.7, 0.5)));
-}
-
 TEST_F(Proof, TwoInARowForWhatStoodOutByLittle) {
   proof.begin(found(0.6));
   (void)check(says(0.7, 0.5));

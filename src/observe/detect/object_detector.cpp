@@ -128,7 +128,6 @@ class ObjectDetector::Impl {
       out.by_contour = same_place(out, by_contour);
       if (out.by_contour) out.contour_score = by_contour.contour_score;
     }
-    if (out.by_contour) out.second_share = second_to_best(model(), contours);
     order_.note(where, !out.poses.empty(), belief_.waiting() != nullptr);
     log_search({judge_.object(), "searched", where}, model(), contours, out, belief_.waiting());
     looks_again_ = true;  // what is found here may yet be refused by its colors or its track
@@ -156,7 +155,6 @@ class ObjectDetector::Impl {
     const Eigen::Vector3d center = before.poses.front().world_from_object * model().center();
     const auto contours = contours_about(center, before.time, where, colors, out.time);
     out = belief_.believe_again(frames_, contours, where, out.time, colors);
-    if (out.by_contour) out.second_share = second_to_best(model(), contours);
     if (!out.poses.empty()) order_.note(where, true, false);
     log_search({judge_.object(), "looked again", where}, model(), contours, out, belief_.waiting());
     forget_told();
@@ -244,7 +242,8 @@ class ObjectDetector::Impl {
       judge_.decide_by_contour(frames_, contours_.fit(frames_, starts), enough, kMaxContourRival,
                                out);
     }
-    keep_evidence(earlier, out);
+    out.by_contour = earlier.by_contour;
+    out.contour_score = earlier.contour_score;
     measure_twists(earlier, out);
     return out;
   }

@@ -31,9 +31,6 @@ constexpr double kRankThatStandsOut = 0.45, kRankThatProves = 0.5;
 // Of poses as they were found, right ones rank 0.19 to 0.88, wrong ones up to 0.52 or no better
 // than their other orientations (docs/detection.md, "From the first frame to `tracking`").
 constexpr double kRankAsFound = 0.55, kOtherAsFound = 0.85;
-// Nor what another pose there came so near to when it was found: of 255 such checks, over cuts of
-// 19 objects, 4 of 45 beyond that were of wrong poses, and 3 of 210 below.
-constexpr double kSecondAsFound = 0.8;
 // A search about its place has found something else of so much its rank.
 constexpr double kOutdone = 1.15;
 // Or something that stands out, by so many times the rank of the pose as it is, and by more than
@@ -82,7 +79,6 @@ void PoseProof::begin(const Detection& found) {
   forget_suspicion();
   if (found.poses.empty()) return;
   found_weakly_ = found.by_contour && found.contour_score < kWeakScore;
-  found_distinct_ = !found.by_contour || found.second_share <= kSecondAsFound;
 }
 
 void PoseProof::forget_suspicion() {
@@ -115,7 +111,7 @@ bool PoseProof::refuted_by(const ViewpointModel& views, const Rigid3& pose,
 bool PoseProof::shown_as_found(const ViewpointModel& views, const Rigid3& pose,
                                const OrientationComparison& compared) {
   best_rank_ = std::max(best_rank_, compared.rank);
-  if (!found_distinct_ || compared.rank < kRankAsFound) return false;
+  if (compared.rank < kRankAsFound) return false;
   if (compared.other > kOtherAsFound * compared.here) return false;
   count();
   (void)refuted_by(views, pose, compared);

@@ -41,8 +41,6 @@ struct Detection {
   /// Score of the best pose by that, 0..1, as it was found; it is the evidence where nothing else
   /// speaks for it.
   double contour_score = 0;
-  /// Rank of the best other pose at its place by that, as a share of its own, as it was found.
-  double second_share = 0;
 };
 
 }  // namespace sightline

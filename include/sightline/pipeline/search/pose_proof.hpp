@@ -69,14 +69,13 @@ class PoseProof {
   bool has_lost_it(const PlaceSearch& search, const OrientationComparison& compared) const;
   void add_odds(double log_ratio);
 
-  bool found_distinct_ = true;  ///< no other pose there came near to it
-  bool found_weakly_ = false;   ///< it stood out by little, or checks did not find it
-  int checks_ = 0;              ///< since it was found, or out of view
-  int passed_ = 0;              ///< of those in a row in which no other orientation scored more
-  int undoubted_ = 0;           ///< of those in a row in which none scored clearly more
-  bool proven_ = false;         ///< so many passed that it may be claimed
-  double best_rank_ = 0;        ///< that the pose had as it was, in them
-  int doubts_ = 0;              ///< checks in a row that speak against it
+  bool found_weakly_ = false;  ///< it stood out by little, or checks did not find it
+  int checks_ = 0;             ///< since it was found, or out of view
+  int passed_ = 0;             ///< of those in a row in which no other orientation scored more
+  int undoubted_ = 0;          ///< of those in a row in which none scored clearly more
+  bool proven_ = false;        ///< so many passed that it may be claimed
+  double best_rank_ = 0;       ///< that the pose had as it was, in them
+  int doubts_ = 0;             ///< checks in a row that speak against it
   std::optional<Suspicion> suspicion_ = std::nullopt;
   /// Logarithm of the odds that it is right, by what searches find that know nothing of it.
   double log_odds_ = 0;

@@ -21,10 +21,4 @@ void measure_twists(const Detection& earlier, Detection& now) {
   }
 }
 
-void keep_evidence(const Detection& earlier, Detection& now) {
-  now.by_contour = earlier.by_contour;
-  now.contour_score = earlier.contour_score;
-  now.second_share = earlier.second_share;
-}
-
 }  // namespace sightline::observe

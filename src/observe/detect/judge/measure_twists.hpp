@@ -9,7 +9,5 @@ namespace sightline::observe {
 /// object: over two detections the motion is known better than between the exposures of one of
 /// them. Unchanged if there is hardly any time between them. `earlier` has poses.
 void measure_twists(const Detection& earlier, Detection& now);
-/// What its contour said of it when it was found.
-void keep_evidence(const Detection& earlier, Detection& now);
 
 }  // namespace sightline::observe
