@@ -83,12 +83,13 @@ float ColorTemplates::correlation(const WeakPerspectivePose& pose, const ColorMa
   const std::vector<Eigen::Array4f>& spots = view.colors;
   const float c = std::cos(pose.turn) * pose.scale, s = std::sin(pose.turn) * pose.scale;
   // Where they are is computed for all of them, side by side.
+  const int width = map.width(), height = map.height();
   std::array<int, kMaxSpots> at;
   for (size_t i = 0; i < kMaxSpots; ++i) {
     const int x = static_cast<int>(pose.x + c * view.x[i] - s * view.y[i] + 0.5f);
     const int y = static_cast<int>(pose.y + s * view.x[i] + c * view.y[i] + 0.5f);
-    const bool seen = (x >= 0) & (y >= 0) & (x < map.width()) & (y < map.height());
-    at[i] = seen ? y * map.width() + x : -1;
+    const bool seen = (x >= 0) & (y >= 0) & (x < width) & (y < height);
+    at[i] = seen ? y * width + x : -1;
   }
   Eigen::Array4f b = Eigen::Array4f::Zero(), ab = b, bb = b;
   std::bitset<kMaxSpots> inside;
