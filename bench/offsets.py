@@ -2,26 +2,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is found from nothing, wherever a recording begins:
 
-    bench/offsets.py [--bin build/release/bin] [--parts N] [--look LOOK] [--replay=--instant-search] RECORDING ...
+    bench/offsets.py [--bin build/release/bin] [--parts N] [--look LOOK] [--told] [--replay=--instant-search] RECORDING ...
 
 Cuts each recording at N places (0 to 3/4 of its length; the videos are encoded again, almost without loss, or to look
 as from another camera: gray, soft and noisy, of another white balance), replays each part by itself with `sightline
 replay --modalities region,edge,texture` and compares it with truth.csv or keyframes.csv. Prints per object the share
 of judged rows within 5 cm + 5 deg up to declared and shape's symmetries, wrong claims, and for each part rows within,
-wrong claims, median error and time of the first pose. Needs ffmpeg. Exits 2 for bad input."""
+wrong claims, median error and time of the first pose. --told: each object is told (`--start`) at its first pose in
+truth.csv, so that what is found is left out. Needs ffmpeg. Exits 2 for bad input."""
 import pathlib
 import shutil
 import subprocess
 import sys
 import tempfile
 
-from recording_tools import (add_replay_option, evaluate, load_recording, read_csv, recording_parser,
+from recording_tools import (add_replay_option, evaluate, load_recording, object_name, read_csv, recording_parser,
                              replay, up_to_symmetry, write_csv)
 
 LOOKS = {"as-is": "",
          "gray": ",hue=s=0",
          "soft": ",gblur=sigma=1.0,noise=alls=10:allf=t",
          "warm": ",eq=gamma=1.25:saturation=0.65:contrast=0.9,colorbalance=rm=0.12:bm=-0.12"}
+POSE = ("tx", "ty", "tz", "qw", "qx", "qy", "qz")
 TRUTH_MARGIN_NS = 10_000_000  # for a camera's offset
 
 
@@ -53,6 +55,21 @@ def cut(recording, folder, start_s, look="as-is"):
     return load_recording(folder)
 
 
+def starts(recording, parts):
+    """Where the parts of a recording begin [s]."""
+    return [0.75 * recording.seconds * i / max(1, parts - 1) for i in range(parts)]
+
+
+def told(part):
+    """Options of sightline replay that tell each object where it is first."""
+    names = [object_name(path) for path in part.objects]
+    first = {}
+    for row in read_csv(part.folder / "truth.csv"):
+        first.setdefault(row.get("object", names[0]), row)
+    return [option for name in names if name in first
+            for option in ("--start", f"{name}=" + ",".join(first[name][k] for k in POSE))]
+
+
 def first_pose(part, rows, name):
     found = [int(row["t_ns"]) for row in rows if row["object"] == name and row["state"] in ("tracking", "degraded")]
     return f"@{(min(found) - part.start_ns) * 1e-9:.2f}" if found else "never"
@@ -63,7 +80,7 @@ def judge_part(options, recording, start_s, totals):
     with tempfile.TemporaryDirectory(prefix="sightline_offsets.") as folder:
         part = cut(recording, pathlib.Path(folder, "part"), start_s, options.look)
         poses = pathlib.Path(folder, "poses.csv")
-        rows = replay(options, part, poses)
+        rows = replay(options, part, poses, more=told(part) if options.told else ())
         for e in evaluate(options.bin, part, poses):
             best = up_to_symmetry(e)
             total = totals.setdefault(e["object"], {"within": 0, "judged": 0, "wrong": 0, "parts": []})
@@ -76,8 +93,8 @@ def judge_part(options, recording, start_s, totals):
 
 def judge(options, recording):
     totals = {}
-    for i in range(options.parts):
-        judge_part(options, recording, 0.75 * recording.seconds * i / max(1, options.parts - 1), totals)
+    for start_s in starts(recording, options.parts):
+        judge_part(options, recording, start_s, totals)
     for name, total in totals.items():
         print(f"{recording.name:10} {name:9} within {100 * total['within'] / max(1, total['judged']):5.1f} % of "
               f"{total['judged']:5}, wrong {total['wrong']:4} | " + "  ".join(total["parts"]), flush=True)
@@ -87,8 +104,12 @@ def main():
     parser = recording_parser(__doc__)
     parser.add_argument("--parts", type=int, default=6)
     parser.add_argument("--look", choices=LOOKS, default="as-is")
+    parser.add_argument("--told", action="store_true", help="where each object is first")
     add_replay_option(parser)
     options = parser.parse_args()
+    for recording in options.recordings if options.told else ():
+        if not (recording.folder / "truth.csv").exists():
+            parser.error(f"{recording.folder}: has no truth.csv, which says where its objects are")
     for recording in options.recordings:
         judge(options, recording)
     return 0

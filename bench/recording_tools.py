@@ -148,10 +148,10 @@ def run_sightline(binaries, *arguments, timeout_s=1800):
     return done.stdout
 
 
-def replay(options, recording, poses, config=None):
-    """Replays without markers; writes the pose log and returns its rows."""
+def replay(options, recording, poses, config=None, more=()):
+    """Replays without markers, with `more` options; writes the pose log and returns its rows."""
     run_sightline(options.bin, "replay", recording.folder, *(["--config", config] if config else []),
-                  "--modalities", MODALITIES, "--poses", poses, *shlex.split(options.replay))
+                  "--modalities", MODALITIES, "--poses", poses, *shlex.split(options.replay), *more)
     return read_csv(poses)
 
 

@@ -35,10 +35,10 @@ constexpr double kRankAsFound = 0.55, kOtherAsFound = 0.85;
 constexpr double kOutdone = 1.15;
 // Or something that stands out, by so many times the rank of the pose as it is, and by more than
 // what is fitted from there: so near to a pose that has lost the object turning that it is taken
-// for the same. Of 335 such searches none at right poses (8 at 1.5), 8 to 10 at those 8 degrees and
-// more off (docs/detection.md, "Checked while followed").
+// for the same. Of 333 such searches at right poses none said so, of 45 at others 8
+// (docs/detection.md, "Lost while it turns").
 constexpr double kLostTo = 2.0, kFittedOfLost = 0.92;
-// Or the pose has fallen to so much of the rank that it had, and something else there ranks so many
+// Or the pose has fallen to so much of the rank that it had, and another one there ranks so many
 // times that: 1 and 9.
 constexpr double kFallen = 0.4, kOutranks = 1.5;
 // Log ratios of how often right and wrong poses give that (docs/detection.md, "Found again by
@@ -143,14 +143,16 @@ bool PoseProof::wants_search(const OrientationComparison& compared, Time now) {
     add_odds(std::lerp(kStandsOutALittle, kStandsOut, std::min(share, 1.0)));
   }
   if ((stands_out && log_odds_ >= kClaimedOdds) || disbelieved()) return false;
-  const bool fell = compared.rank < kFallen * best_rank_;
-  return log_odds_ < kMostOdds || fell || now - searched_ >= kCheck;
+  return log_odds_ < kMostOdds || has_fallen(compared) || now - searched_ >= kCheck;
+}
+
+bool PoseProof::has_fallen(const OrientationComparison& compared) const {
+  return compared.rank < kFallen * best_rank_;
 }
 
 bool PoseProof::has_lost_it(const PlaceSearch& search,
                             const OrientationComparison& compared) const {
-  const bool fell = compared.rank < kFallen * best_rank_;
-  if (fell && !search.same && search.rank >= kOutranks * compared.rank) return true;
+  if (has_fallen(compared) && !search.same && search.rank >= kOutranks * compared.rank) return true;
   return search.rank >= kRankThatStandsOut && search.rank >= kLostTo * compared.rank &&
          compared.fitted_rank <= kFittedOfLost * search.rank;
 }

@@ -66,6 +66,7 @@ class PoseProof {
   bool turned(const ViewpointModel& views, const Rigid3& pose,
               const OrientationComparison& compared);
   void note_passed(const OrientationComparison& compared);
+  bool has_fallen(const OrientationComparison& compared) const;
   bool has_lost_it(const PlaceSearch& search, const OrientationComparison& compared) const;
   void add_odds(double log_ratio);
 
@@ -74,7 +75,7 @@ class PoseProof {
   int passed_ = 0;             ///< of those in a row in which no other orientation scored more
   int undoubted_ = 0;          ///< of those in a row in which none scored clearly more
   bool proven_ = false;        ///< so many passed that it may be claimed
-  double best_rank_ = 0;       ///< that the pose had as it was, in them
+  double best_rank_ = 0;       ///< of the pose as it was in them, or as it was found
   int doubts_ = 0;             ///< checks in a row that speak against it
   std::optional<Suspicion> suspicion_ = std::nullopt;
   /// Logarithm of the odds that it is right, by what searches find that know nothing of it.
