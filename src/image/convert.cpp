@@ -232,11 +232,15 @@ void fill_plane(const MutablePlaneView& plane, uint8_t value) {
   }
 }
 
-void halve_plane(const PlaneView& from, const MutablePlaneView& to) {
-  SL_CHECK(to.width == from.width / 2 && to.height == from.height / 2, "not half the size");
+void halve_plane(const PlaneView& from, const MutablePlaneView& to) { shrink_plane(from, 2, to); }
+
+void shrink_plane(const PlaneView& from, int factor, const MutablePlaneView& to) {
+  SL_CHECK(to.width == from.width / factor && to.height == from.height / factor,
+           "not that share of the size");
   if (to.width == 0 || to.height == 0) return;
-  // An odd last row or column takes no part; with exactly 2:1, libyuv's box filter is the 2x2 mean.
-  libyuv::ScalePlane(from.data, to_int(from.stride), 2 * to.width, 2 * to.height, to.data,
+  // What is left of a last row or column takes no part; of whole squares, libyuv's box filter is
+  // the mean.
+  libyuv::ScalePlane(from.data, to_int(from.stride), factor * to.width, factor * to.height, to.data,
                      to_int(to.stride), to.width, to.height, libyuv::kFilterBox);
 }
 

@@ -200,6 +200,26 @@ TEST(HalvePlane, IsTheRoundedMeanOfTwoByTwo) {
   }
 }
 
+TEST(ShrinkPlane, IsTheMeanOfSquares) {
+  constexpr int kWidth = 53, kHeight = 31;
+  const Bytes noise = random_bytes(kWidth * kHeight);
+  const PlaneView from{noise.data(), kWidth, kHeight, kWidth};
+  for (const int factor : {1, 2, 3, 4, 5}) {
+    const int width = kWidth / factor, height = kHeight / factor;
+    Bytes to(static_cast<size_t>(width * height));
+    shrink_plane(from, factor, {to.data(), width, height, width});
+    for (int y = 0; y < height; ++y) {
+      for (int x = 0; x < width; ++x) {
+        double sum = 0;
+        for (int i = 0; i < factor * factor; ++i) {
+          sum += from.row(factor * y + i / factor)[factor * x + i % factor];
+        }
+        ASSERT_NEAR(to[static_cast<size_t>(y * width + x)], sum / (factor * factor), 1.1);
+      }
+    }
+  }
+}
+
 TEST(CopyI420, CopiesOddSizes) {
   Image from(7, 5), to(7, 5);
   from.mutable_view().y.row(4)[6] = 99;

@@ -36,5 +36,8 @@ void i420_to_rgb(const I420View& from, uint8_t* rgb);
 
 /// Half-size gray image by 2x2 averaging; `to` is width/2 by height/2.
 void halve_plane(const PlaneView& from, const MutablePlaneView& to);
+/// The same of squares of `factor` x `factor` pixels (not rounded but cut, where that is no power
+/// of two): `to` is floor(width / factor) wide, its height likewise.
+void shrink_plane(const PlaneView& from, int factor, const MutablePlaneView& to);
 
 }  // namespace sightline

@@ -25,6 +25,10 @@ constexpr float kWithinResponse = 0.5f;   // of the response, to an edge within 
 constexpr int kForegroundMargin = 3;      // [half-size px] edges so near to the foreground count
 constexpr double kMinForegroundShare = 3e-4;  // of the image, to search the foreground first
 
+// ---- size --------------------------------------------------------------------------------------
+constexpr double kSearchedPixels = 640 * 480;  // of an image, about
+constexpr double kSearchedDiameterPx = 60;     // of the object there, in the middle of distances
+
 // ---- motion ------------------------------------------------------------------------------------
 constexpr Duration kMotionGap = std::chrono::milliseconds(150);  // between images compared, about
 constexpr Duration kMotionAge = std::chrono::seconds(1);         // of what is compared with

@@ -22,12 +22,18 @@ bool any_in(const std::vector<uint8_t>& mask, int width, int height, const Pixel
 }  // namespace
 
 DetectorFrames::DetectorFrames(std::vector<DetectorCamera> cameras, const DetectorOptions& options,
-                               Executor executor)
+                               Executor executor, std::vector<SearchSize> sizes)
     : cameras_(std::move(cameras)),
+      sizes_(std::move(sizes)),
       max_age_(options.max_age),
       usual_speed_(options.usual_speed),
       executor_(std::move(executor)),
-      slots_(cameras_.size()) {}
+      slots_(cameras_.size()) {
+  for (size_t i = sizes_.size(); i < cameras_.size(); ++i) {
+    const CameraModel& model = cameras_[i].calibration.model;
+    sizes_.push_back({model.width(), model.height(), 1});
+  }
+}
 
 void DetectorFrames::show_at_its_size(const SearchDistances& distances, double width) {
   for (size_t i = 0; i < cameras_.size(); ++i) {
@@ -45,17 +51,20 @@ void DetectorFrames::show_at_its_size(const SearchDistances& distances, double w
 void DetectorFrames::add(CameraId camera, const Frame& frame, const ForegroundMap* foreground) {
   for (size_t i = 0; i < cameras_.size(); ++i) {
     Slot& slot = slots_[i];
-    const CameraModel& lens = cameras_[i].calibration.model;
-    if (cameras_[i].id != camera || !HalfSizeFrame::can_store(frame, lens)) continue;
+    const SearchSize& size = sizes_[i];
+    if (cameras_[i].id != camera || !HalfSizeFrame::can_store(frame, size.width, size.height)) {
+      continue;
+    }
     if (slot.frame.valid) slot.difference.remember(slot.frame.image, slot.frame.info.capture);
-    slot.frame.store(frame, lens, slot.magnified != nullptr);
+    slot.frame.store(frame, cameras_[i].calibration.model, size.shrink, slot.magnified != nullptr);
     if (slot.frame.info.place) {
       cameras_[i].calibration.world_from_camera = slot.frame.info.place->world_from_camera;
     }
     const HalfSizeImage& image = slot.frame.image;
-    slot.has_foreground = foreground != nullptr && foreground->width == image.width &&
-                          foreground->height == image.height;
-    if (slot.has_foreground) slot.foreground = *foreground;
+    slot.has_foreground = foreground != nullptr && foreground->width == size.width / 2 &&
+                          foreground->height == size.height / 2;
+    if (!slot.has_foreground) continue;
+    shrink(*foreground, size.shrink, image.width, image.height, slot.foreground);
   }
 }
 

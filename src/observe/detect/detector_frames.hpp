@@ -13,6 +13,7 @@
 #include "observe/detect/pixels/half_size_frame.hpp"
 #include "observe/detect/pixels/region_borders.hpp"
 #include "observe/detect/plan/search_distances.hpp"
+#include "observe/detect/plan/search_size.hpp"
 #include "observe/detect/pose_fit.hpp"
 #include "observe/detect/search_camera.hpp"
 #include "observe/detect/silhouette_search.hpp"
@@ -28,8 +29,10 @@ namespace sightline::observe {
 /// its stages need. Cameras that take part are counted from 0 to size().
 class DetectorFrames {
  public:
+  /// `sizes`: of the cameras' frames, where those that are searched, and `cameras`, are smaller
+  /// (see shrink_to_search()); none: they are searched as they are.
   DetectorFrames(std::vector<DetectorCamera> cameras, const DetectorOptions& options,
-                 Executor executor = run_serially);
+                 Executor executor = run_serially, std::vector<SearchSize> sizes = {});
 
   /// From the next frames on: where an object of this width [m] may be small in the image of a
   /// camera (kSmallObjectPx), FitCamera::magnified shows it at full size; where it may be large
@@ -69,6 +72,7 @@ class DetectorFrames {
   Time newest() const { return newest_; }
   /// Of the i-th camera that takes part.
   size_t camera_index(size_t i) const { return active_[i]; }
+  const SearchSize& size_of(size_t i) const { return sizes_[active_[i]]; }
   /// Images whose edges were found so far.
   SearchWork work() const;
   const FrameInfo& info(size_t i) const { return slots_[active_[i]].frame.info; }
@@ -100,6 +104,7 @@ class DetectorFrames {
   void prepare(size_t i, Where where);
 
   std::vector<DetectorCamera> cameras_;  ///< those that turn: as in their newest frame
+  std::vector<SearchSize> sizes_;        ///< of their frames
   const Duration max_age_;
   const double usual_speed_;
   const Executor executor_;

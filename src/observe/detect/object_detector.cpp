@@ -35,14 +35,14 @@ class ObjectDetector::Impl {
 
  public:
   Impl(ObjectId object, std::shared_ptr<const ViewpointModel> views,
-       std::vector<DetectorCamera> cameras, const DetectorOptions& options,
-       const Executor& executor)
+       std::vector<DetectorCamera> cameras, std::vector<SearchSize> sizes,
+       const DetectorOptions& options, const Executor& executor)
       : options_(options),
         executor_(executor),
         bank_(std::move(views)),
         silhouettes_(bank_),
         distances_(search_distances(cameras, model().radius(), options)),
-        frames_(std::move(cameras), options, executor),
+        frames_(std::move(cameras), options, executor, std::move(sizes)),
         scan_(bank_, distances_, options.scan_hits, executor),
         verification_(bank_, silhouettes_, executor),
         fitter_(model(), executor),
@@ -329,8 +329,9 @@ class ObjectDetector::Impl {
   std::vector<JointPose> verified_about(const ImageHint& hint) const {
     for (size_t i = 0; i < frames_.size(); ++i) {
       if (frames_.cameras()[frames_.camera_index(i)].id != hint.camera) continue;
-      return verification_.by_edges(frames_,
-                                    scan_.scan_about(frames_, {i, hint.pixel, hint.radius_px}));
+      const SearchSize& size = frames_.size_of(i);
+      const ImagePlace place{i, size.searched(hint.pixel), hint.radius_px / size.shrink};
+      return verification_.by_edges(frames_, scan_.scan_about(frames_, place));
     }
     return {};
   }
@@ -404,8 +405,9 @@ Result<std::unique_ptr<ObjectDetector>> ObjectDetector::create(
     ObjectId object, std::shared_ptr<const ViewpointModel> views,
     std::vector<DetectorCamera> cameras, const DetectorOptions& options, Executor executor) {
   SL_RETURN_IF_ERROR(check(options, cameras.size()));
-  return std::unique_ptr<ObjectDetector>(new ObjectDetector(
-      std::make_unique<Impl>(object, std::move(views), std::move(cameras), options, executor)));
+  auto sizes = shrink_to_search(cameras, views->radius(), options);
+  return std::unique_ptr<ObjectDetector>(new ObjectDetector(std::make_unique<Impl>(
+      object, std::move(views), std::move(cameras), std::move(sizes), options, executor)));
 }
 
 ObjectDetector::ObjectDetector(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}

@@ -23,7 +23,12 @@ class ColorVerifier::Impl {
   void add_frame(CameraId camera, const Frame& frame) {
     for (size_t i = 0; i < cameras_.size(); ++i) {
       CalibratedCamera& calibration = cameras_[i].calibration;
-      if (cameras_[i].id != camera || !frames_[i].store(frame, calibration.model)) continue;
+      const CameraModel& lens = calibration.model;
+      if (cameras_[i].id != camera ||
+          !HalfSizeFrame::can_store(frame, lens.width(), lens.height())) {
+        continue;
+      }
+      frames_[i].store(frame, lens);
       const CameraPlacePtr& place = frame.info().place;
       if (place) calibration.world_from_camera = place->world_from_camera;
     }

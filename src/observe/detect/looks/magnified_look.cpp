@@ -12,7 +12,7 @@ void MagnifiedLook::show(const FitCamera& half, const HalfSizeFrame& frame,
                          const std::vector<uint8_t>& half_mask) {
   OtherSizeLook::show(half, 1, half_mask);
   frame_ = &frame;
-  box_ = {0, 0, frame.info.width, frame.info.height};
+  box_ = {0, 0, frame.width, frame.height};
 }
 
 void MagnifiedLook::set_box(const PixelBox& box) {

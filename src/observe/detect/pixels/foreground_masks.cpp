@@ -58,16 +58,20 @@ void reduce(const std::vector<uint8_t>& from, int from_width, int from_height,
   }
 }
 
-void reduce(const ForegroundMap& from, ForegroundMap& to) {
-  to.width = from.width / 2;
-  to.height = from.height / 2;
+void shrink(const ForegroundMap& from, int shrink, int width, int height, ForegroundMap& to) {
+  to.width = width;
+  to.height = height;
   to.share = from.share;
-  to.classes.resize(static_cast<size_t>(to.width) * static_cast<size_t>(to.height));
-  for (int y = 0; y < to.height; ++y) {
-    const uint8_t* row = from.row(2 * y);
-    uint8_t* out = to.classes.data() + static_cast<ptrdiff_t>(y) * to.width;
-    for (int x = 0; x < to.width; ++x) out[x] = row[2 * x];
+  to.classes.resize(static_cast<size_t>(width) * static_cast<size_t>(height));
+  for (int y = 0; y < height; ++y) {
+    const uint8_t* row = from.row(y * shrink + (shrink - 1) / 2);
+    uint8_t* out = to.classes.data() + static_cast<ptrdiff_t>(y) * width;
+    for (int x = 0; x < width; ++x) out[x] = row[x * shrink + (shrink - 1) / 2];
   }
+}
+
+void reduce(const ForegroundMap& from, ForegroundMap& to) {
+  shrink(from, 2, from.width / 2, from.height / 2, to);
 }
 
 }  // namespace sightline::observe

@@ -20,7 +20,10 @@ void magnify(const ForegroundMap& from, int width, int height, ForegroundMap& to
 /// A mask in half as many pixels in each direction: 1 where any of the four is.
 void reduce(const std::vector<uint8_t>& from, int from_width, int from_height,
             std::vector<uint8_t>& to);
-/// The map in half as many pixels in each direction: the first of the four.
+/// The map in half as many pixels in each direction: one of the four.
 void reduce(const ForegroundMap& from, ForegroundMap& to);
+
+/// `width` x `height` pixels of the map, each the middle one of so many in each direction.
+void shrink(const ForegroundMap& from, int shrink, int width, int height, ForegroundMap& to);
 
 }  // namespace sightline::observe

@@ -4,16 +4,18 @@
 #include <algorithm>
 
 #include "observe/terms/image_colors.hpp"
+#include "sightline/base/check.hpp"
+#include "sightline/image/convert.hpp"
 
 namespace sightline::observe {
 namespace {
 
-void copy_plane(const PlaneView& from, std::vector<uint8_t>& to) {
-  const auto width = static_cast<size_t>(from.width);
-  to.resize(width * static_cast<size_t>(from.height));
-  for (int y = 0; y < from.height; ++y) {
-    std::copy_n(from.row(y), from.width, to.data() + static_cast<size_t>(y) * width);
-  }
+// `width` x `height` means of squares of so many pixels.
+void shrink_into(const PlaneView& from, int shrink, int width, int height,
+                 std::vector<uint8_t>& to) {
+  to.resize(static_cast<size_t>(width) * static_cast<size_t>(height));
+  shrink_plane({from.data, width * shrink, height * shrink, from.stride}, shrink,
+               {to.data(), width, height, width});
 }
 
 // Each pixel of a plane of half that size four times, within a box.
@@ -25,7 +27,8 @@ void repeat_plane(const PlaneView& from, int width, const PixelBox& box, std::ve
   }
 }
 
-// The camera with so many times as many pixels.
+}  // namespace
+
 std::optional<CalibratedCamera> scaled(CalibratedCamera camera, int width, int height,
                                        double factor) {
   CameraModel::Parameters lens = camera.model.parameters();
@@ -42,32 +45,34 @@ std::optional<CalibratedCamera> scaled(CalibratedCamera camera, int width, int h
   return camera;
 }
 
-}  // namespace
-
-bool HalfSizeFrame::can_store(const Frame& frame, const CameraModel& camera) {
-  return frame.info().status != FrameStatus::kDamaged && frame.info().width == camera.width() &&
-         frame.info().height == camera.height();
+bool HalfSizeFrame::can_store(const Frame& frame, int width, int height) {
+  const FrameInfo& info = frame.info();
+  return info.status != FrameStatus::kDamaged && info.width == width && info.height == height;
 }
 
-bool HalfSizeFrame::store(const Frame& frame, const CameraModel& camera, bool keep_full_luma) {
-  if (!can_store(frame, camera)) return false;
+void HalfSizeFrame::store(const Frame& frame, const CameraModel& camera, int shrink,
+                          bool keep_full_luma) {
+  SL_CHECK(camera.width() * shrink <= frame.info().width &&
+               camera.height() * shrink <= frame.info().height,
+           "the frame is smaller than what is searched");
   info = frame.info();
-  const PlaneView luma = frame.half_gray();
+  width = camera.width();
+  height = camera.height();
   const I420View full = frame.i420();
-  image.width = luma.width;
-  image.height = luma.height;
-  copy_plane(luma, image.planes[0]);
-  copy_plane({full.u.data, luma.width, luma.height, full.u.stride}, image.planes[1]);
-  copy_plane({full.v.data, luma.width, luma.height, full.v.stride}, image.planes[2]);
+  image.width = width / 2;
+  image.height = height / 2;
+  const std::array<PlaneView, 3> half = {frame.half_gray(), full.u, full.v};
+  for (size_t i = 0; i < half.size(); ++i) {
+    shrink_into(half[i], shrink, image.width, image.height, image.planes[i]);
+  }
   image.in_color = has_colors(image.view(1), image.view(2));
-  if (keep_full_luma) copy_plane(frame.gray(), full_luma);
+  if (keep_full_luma) shrink_into(frame.gray(), shrink, width, height, full_luma);
   valid = true;
-  return true;
 }
 
 void HalfSizeFrame::magnify(HalfSizeImage& to, const PixelBox& box) const {
-  to.width = info.width;
-  to.height = info.height;
+  to.width = width;
+  to.height = height;
   to.in_color = image.in_color;
   for (std::vector<uint8_t>& plane : to.planes) plane.resize(full_luma.size());
   for (int y = box.top; y < box.bottom; ++y) {

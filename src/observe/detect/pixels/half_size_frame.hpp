@@ -30,22 +30,29 @@ struct HalfSizeImage {
   PlaneView view(size_t plane) const { return {planes[plane].data(), width, height, width}; }
 };
 
-/// A camera's newest frame at half size: a copy, so that the frame's buffer can go back.
+/// A camera's newest frame at half the size at which it is searched (SearchSize): a copy, so that
+/// the frame's buffer can go back.
 struct HalfSizeFrame {
   FrameInfo info;
-  HalfSizeImage image;
-  std::vector<uint8_t> full_luma;  ///< of the frame as it is; empty: not wanted
+  int width = 0, height = 0;       ///< at which it is searched
+  HalfSizeImage image;             ///< half of that
+  std::vector<uint8_t> full_luma;  ///< of that; empty: not wanted
   bool valid = false;
 
-  /// The frame is not damaged, and of the camera's size.
-  static bool can_store(const Frame& frame, const CameraModel& camera);
-  /// False, and nothing changes, if it cannot.
-  bool store(const Frame& frame, const CameraModel& camera, bool keep_full_luma = false);
+  /// The frame is not damaged, and of this size.
+  static bool can_store(const Frame& frame, int width, int height);
+  /// `camera`: as it is searched, `shrink` pixels of the frame in each direction are one there.
+  void store(const Frame& frame, const CameraModel& camera, int shrink = 1,
+             bool keep_full_luma = false);
   /// What a camera with twice as many pixels shows at half size, within a part of it; needs
   /// `full_luma`.
   void magnify(HalfSizeImage& to, const PixelBox& box) const;
 };
 
+/// The camera with `factor` times as many pixels in each direction, `width` x `height` in all.
+/// Empty where a CameraModel cannot have so many.
+std::optional<CalibratedCamera> scaled(CalibratedCamera camera, int width, int height,
+                                       double factor);
 /// The camera with twice as many pixels in each direction: what it sees at half size is the image
 /// as it is. Empty where that is more than a CameraModel can have.
 std::optional<CalibratedCamera> magnified(CalibratedCamera camera);
