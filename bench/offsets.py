@@ -22,7 +22,8 @@ from recording_tools import (add_replay_option, evaluate, load_recording, object
 LOOKS = {"as-is": "",
          "gray": ",hue=s=0",
          "soft": ",gblur=sigma=1.0,noise=alls=10:allf=t",
-         "warm": ",eq=gamma=1.25:saturation=0.65:contrast=0.9,colorbalance=rm=0.12:bm=-0.12"}
+         "warm": ",eq=gamma=1.25:saturation=0.65:contrast=0.9,colorbalance=rm=0.12:bm=-0.12",
+         "exposure": ",eq=contrast='1+0.2*sin(5*t)':brightness='0.06*sin(5*t)':eval=frame"}
 POSE = ("tx", "ty", "tz", "qw", "qx", "qy", "qz")
 TRUTH_MARGIN_NS = 10_000_000  # for a camera's offset
 

@@ -15,7 +15,8 @@ namespace {
 
 constexpr Duration kDefaultPeriod = std::chrono::milliseconds(33);
 constexpr Duration kMarginOfPreroll = std::chrono::milliseconds(20);  // one image takes less
-constexpr size_t kMostPreroll = size_t{32} << 20;  // [bytes] a camera; two seconds of 640x480
+// [bytes] a camera; four seconds of 640x480, one and a half of 1280x720
+constexpr size_t kMostPreroll = size_t{64} << 20;
 
 class PacedReplay final : public FrameSource {
  public:
