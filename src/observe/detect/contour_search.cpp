@@ -336,20 +336,12 @@ std::vector<ContourPose> ContourSearch::search(const DetectorFrames& frames,
   sort_with_colors(fits, colors, executor_);
   note(trace, "varied", fits);
   reorient(frames, fits, colors);
-  release(frames, fits);
   if (trace != nullptr) {
     std::vector<ContourPose> shown = fits;
     sort_with_colors(shown, colors, executor_);
     note(trace, "final", shown);
   }
   return fits;
-}
-
-// Which pose it is has been decided; how it moves its lines say: it has to be followed from there.
-void ContourSearch::release(const DetectorFrames& frames, std::vector<ContourPose>& fits) const {
-  executor_(std::min(kMaxReleased, fits.size()), [&](size_t i) {
-    fits[i].fit = fitter_.fit(frames.fit_cameras(), fits[i].fit.motion, kFinalReach, kFullFit);
-  });
 }
 
 void ContourSearch::reorient(const DetectorFrames& frames, std::vector<ContourPose>& fits,

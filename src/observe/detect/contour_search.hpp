@@ -82,7 +82,6 @@ class ContourSearch {
                     const MeshColors* colors) const;
   /// All orientations at the place of the best: an outline that leaves a part of the object out
   /// stands out as well as the whole one, but more of what looks like the object lies outside.
-  void release(const DetectorFrames& frames, std::vector<ContourPose>& fits) const;
   void reorient(const DetectorFrames& frames, std::vector<ContourPose>& fits,
                 const MeshColors* mesh_colors) const;
 

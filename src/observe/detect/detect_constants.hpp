@@ -117,7 +117,6 @@ constexpr size_t kMaxReoriented = 8;          // orientations by those pixels th
 constexpr size_t kMaxTurned = 6;              // turns of a checked pose that are fitted
 constexpr double kMinReoriented = 0.4;        // score of a pose that is worth them
 constexpr double kRestOfSearch = 20;          // weight of the prior that the object rests
-constexpr size_t kMaxReleased = 8;            // poses whose motion is fitted without it in the end
 constexpr size_t kMaxContourFits = 36;        // poses that are fitted, with little effort
 // The same where one camera takes part: nothing else told true poses from clutter before, and a
 // fifth of those that came so far were not among the best 36 (of several cameras one in thirty).
