@@ -126,9 +126,8 @@ class FoundFromNothing(TemporaryFolder):
     def follow(self, name):
         recording, poses = f"{ROOT}/recordings/{name}", self.path("poses.csv")
         sightline("replay", recording, "--instant-search", "--poses", poses)
-        objects = glob.glob(f"{recording}/objects/*.toml")
-        result = json.loads(
-            sightline("evaluate", f"{recording}/truth.csv", poses, "--json", "--object", *objects)[0])
+        objects = [f"--object={path}" for path in glob.glob(f"{recording}/objects/*.toml")]
+        result = json.loads(sightline("evaluate", f"{recording}/truth.csv", poses, "--json", *objects)[0])
         for found in result["objects"]:
             print(f"{name}, {found['object']}: {found['within']} of {found['judged']} rows within 5 cm and 5 degrees, "
                   f"{found['wrong_claims']} wrong claims")
