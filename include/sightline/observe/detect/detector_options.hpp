@@ -21,8 +21,8 @@ struct DetectorOptions {
   /// Poses within this share of the best one's evidence are as possible as that.
   double margin = 0.82;
 
-  /// Sizes in the image that are looked for, where no distances are given: diameter of the object
-  /// [px] by its edges and by its silhouette, and its share of the image's height.
+  /// Sizes that are looked for in the image that is searched (about 640x480), where no distances
+  /// are given: diameter [px] by its edges and by its silhouette, and share of the image's height.
   double min_diameter_px = 45, min_silhouette_px = 20, max_height_share = 0.8;
   /// Frames that are older than the newest one by more than this do not take part.
   Duration max_age = std::chrono::milliseconds(100);
@@ -30,7 +30,7 @@ struct DetectorOptions {
   double usual_speed = 0.4;
 
   size_t scan_hits = 12000;   ///< templates of one camera that are tried in the others
-  double sigma_px = 2.5;      ///< of one fitted line, full-size pixels
+  double sigma_px = 2.5;      ///< of one fitted line, of the image that is searched
   double independent = 0.06;  ///< share of the lines that is worth an independent measurement
 
   bool operator==(const DetectorOptions&) const = default;

@@ -51,8 +51,8 @@ class ObjectDetector {
                                                         Executor executor = run_serially);
   ~ObjectDetector();
 
-  /// Keeps the frame at half size (and as it is, where the object may be small in it), in place of
-  /// the camera's last one. About 0.1 ms. Frames of
+  /// Keeps the frame at about 320x240 (and twice that, where the object may be small in it; larger,
+  /// where it would be too small), in place of the camera's last one. About 0.1 ms. Frames of
   /// unknown cameras, damaged ones and those of another size are ignored. `camera` counts, not what
   /// the frame says of it. `foreground` of this frame, of half its size; null: not known.
   void add_frame(CameraId camera, const Frame& frame, const ForegroundMap* foreground = nullptr);
