@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A recording as other cameras, or a world of another size, would have given it:
 
-    bench/vary.py [--pixels 2] [--every 2] [--world 4] RECORDING FOLDER
+    bench/live/vary.py [--pixels 2] [--every 2] [--world 4] RECORDING FOLDER
 
 Writes it to FOLDER, which must not exist; videos are encoded again, almost without loss.
 --pixels: images so many times as wide and high (Lanczos; no more detail, as of a lens that is less sharp than the
@@ -16,7 +16,8 @@ import shutil
 import subprocess
 import sys
 
-from recording_tools import load_recording, read_csv, recording_argument, write_csv
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
+from recording_tools import load_recording, read_csv, recording_argument, write_csv  # noqa: E402
 
 ENCODE_S = 900
 EDGES, AREA = ("xmin", "ymin", "xmax", "ymax"), "inimage_pixels"
