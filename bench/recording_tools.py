@@ -80,6 +80,25 @@ def recording_parser(doc):
     return parser
 
 
+def new_folder_argument(folder):
+    if os.path.exists(folder):
+        raise argparse.ArgumentTypeError(f"{folder}: exists")
+    return pathlib.Path(folder)
+
+
+def maker_parser(doc):
+    """The arguments of scripts that make a recording of another one."""
+    parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("recording", type=recording_argument, metavar="RECORDING")
+    parser.add_argument("folder", type=new_folder_argument, metavar="FOLDER")
+    return parser
+
+
+def as_h264(description):
+    """The text of a recording.toml whose videos are encoded anew."""
+    return re.sub(r'(?m)^codec\s*=.*$', 'codec = "h264"', description)
+
+
 def add_replay_option(parser):
     parser.add_argument("--replay", default="", help="further options of sightline replay: --replay='--OPTION VALUE'")
 

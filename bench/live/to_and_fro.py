@@ -8,16 +8,14 @@ Writes a recording of N passes (8) to FOLDER, which must not exist: what moves t
 velocity jumps, its pose does not), and truth.csv, keyframes.csv and visibility.csv go with it. The videos are encoded
 again, almost without loss. A clip of seconds says how soon something is found; this says whether it is kept, lost,
 found again, and whether something is claimed wrongly in the long run. Needs ffmpeg. Exits 2 for bad input."""
-import argparse
 import pathlib
-import re
 import shutil
 import subprocess
 import sys
 import tomllib
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
-from recording_tools import load_recording, read_csv, recording_argument, write_csv  # noqa: E402
+from recording_tools import as_h264, load_recording, maker_parser, read_csv, write_csv  # noqa: E402
 
 ENCODE_S = 1800
 
@@ -88,7 +86,7 @@ def to_and_fro(recording, folder, passes):
     """The recording played to and fro so many times, in a new folder."""
     shutil.copytree(recording.folder, folder, ignore=shutil.ignore_patterns("*.mkv", "frames.csv", "poses.csv"))
     description = folder / "recording.toml"
-    text = re.sub(r'(?m)^codec\s*=.*$', 'codec = "h264"', description.read_text(encoding="utf-8"))
+    text = as_h264(description.read_text(encoding="utf-8"))
     description.write_text(text, encoding="utf-8")
     sizes = {c["name"]: (c["width"], c["height"]) for c in tomllib.loads(text)["camera"]}
     first_ns, last_ns = recording.start_ns, max(int(row["capture_ns"]) for row in recording.frames)
@@ -105,13 +103,9 @@ def to_and_fro(recording, folder, passes):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("recording", type=recording_argument, metavar="RECORDING")
-    parser.add_argument("folder", type=pathlib.Path, metavar="FOLDER")
+    parser = maker_parser(__doc__)
     parser.add_argument("--passes", type=int, default=8)
     options = parser.parse_args()
-    if options.folder.exists():
-        parser.error(f"{options.folder}: exists")
     if options.passes < 1:
         parser.error("--passes: at least 1")
     if (options.recording.folder / "axes.csv").exists():

@@ -7,9 +7,9 @@
 Writes it to FOLDER, which must not exist; videos are encoded again, almost without loss.
 --pixels: images so many times as wide and high (Lanczos; no more detail, as of a lens that is less sharp than the
 sensor), with lenses and boxes of visibility.csv; --every: every so many images, at a rate that is less by that;
---world: the same images of a world so many times as large, that is meshes (.obj), places of cameras and of the truth.
+--world: the same images of a world so many times as large, that is meshes (.obj), places of cameras and of the truth
+(markers stay as they are).
 What a search or a tracker makes of these should be what it makes of the recording. Needs ffmpeg. Exits 2 for bad input."""
-import argparse
 import pathlib
 import re
 import shutil
@@ -17,7 +17,7 @@ import subprocess
 import sys
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
-from recording_tools import load_recording, read_csv, recording_argument, write_csv  # noqa: E402
+from recording_tools import as_h264, load_object, load_recording, maker_parser, read_csv, write_csv  # noqa: E402
 
 ENCODE_S = 900
 EDGES, AREA = ("xmin", "ymin", "xmax", "ymax"), "inimage_pixels"
@@ -93,27 +93,24 @@ def vary(recording, folder, options):
     shutil.copytree(recording.folder, folder, ignore=shutil.ignore_patterns(*left_out))
     for name in ("recording.toml", "calibration.toml"):
         path = folder / name
-        text = re.sub(r'(?m)^codec\s*=.*$', 'codec = "h264"', path.read_text(encoding="utf-8"))
+        text = as_h264(path.read_text(encoding="utf-8"))
         path.write_text(of_more_pixels(text, options.pixels) if options.pixels != 1 else text, encoding="utf-8")
     for video in recording.videos.values():
         encode(recording.folder / video, folder / video, options)
     thin_out(folder / "frames.csv", options.every)
-    enlarge_visibility(folder / "visibility.csv", options.pixels)
+    if options.pixels != 1:
+        enlarge_visibility(folder / "visibility.csv", options.pixels)
     if options.world != 1:
         scale_world(folder, options.world)
     return load_recording(folder)
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("recording", type=recording_argument, metavar="RECORDING")
-    parser.add_argument("folder", type=pathlib.Path, metavar="FOLDER")
+    parser = maker_parser(__doc__)
     parser.add_argument("--pixels", type=float, default=1)
     parser.add_argument("--every", type=int, default=1)
     parser.add_argument("--world", type=float, default=1)
     options = parser.parse_args()
-    if options.folder.exists():
-        parser.error(f"{options.folder}: exists")
     if not 0.25 <= options.pixels <= 4:
         parser.error("--pixels: 0.25 to 4")
     if not 1 <= options.every <= 30:
@@ -122,6 +119,9 @@ def main():
         parser.error("--world: 0.01 to 100")
     if options.every > 1 and (options.recording.folder / "axes.csv").exists():
         parser.error(f"{options.recording.folder}: cameras that stand still only (axes.csv)")
+    meshes = [load_object(path)["mesh"] for path in options.recording.objects]
+    if options.world != 1 and not all(mesh.endswith(".obj") for mesh in meshes):
+        parser.error(f"{options.recording.folder}: --world scales .obj files only, its meshes are {', '.join(meshes)}")
     vary(options.recording, options.folder, options)
     return 0
 

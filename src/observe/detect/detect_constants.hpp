@@ -45,9 +45,6 @@ constexpr double kMaxMovingCells = 0.35;
 constexpr double kMapShrink = 4;        // image pixels per pixel of the response maps
 constexpr double kDistanceStep = 1.25;  // ratio of the distances that are tried
 constexpr int kMaxDistances = 12;
-// Root of the silhouette's area, full size, from which on maps of half the size do
-// (docs/detection.md, "Large objects on coarse maps").
-constexpr double kCoarseScanPx = 80;
 constexpr size_t kOutlineFeatures = 20;    // of a template; the rest are inner edges
 constexpr int kScanRowStep = 2;            // the responses are spread over more than that
 constexpr size_t kColoredHits = 4;         // times as many hits are compared by colors

@@ -43,9 +43,9 @@ class ObjectDetector::Impl {
         silhouettes_(bank_),
         distances_(search_distances(cameras, model().radius(), options)),
         frames_(std::move(cameras), options, executor, std::move(sizes)),
+        scan_(bank_, distances_, options.scan_hits, executor),
         verification_(bank_, silhouettes_, executor),
         fitter_(model(), executor),
-        scan_(bank_, distances_, options.scan_hits, executor, fitter_.width()),
         contours_(bank_, silhouettes_, fitter_, executor),
         judge_(object, options, model().center(), model().radius()),
         belief_(model(), judge_),
@@ -386,9 +386,9 @@ class ObjectDetector::Impl {
   const SilhouetteSearch silhouettes_;
   const SearchDistances distances_;
   DetectorFrames frames_;
+  PoseScan scan_;
   const PoseVerification verification_;
   const PoseFitter fitter_;
-  PoseScan scan_;
   const ContourSearch contours_;
   DetectionJudge judge_;
   TakenPlaces taken_;

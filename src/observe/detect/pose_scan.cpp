@@ -35,21 +35,6 @@ size_t hits_divisor(DetectorFrames::Where where) {
   }
 }
 
-// In maps of half the size; hits and range are of the others.
-std::vector<ScanHit> scan_coarse(const TemplateBank& bank, const CoarseMaps& maps,
-                                 const ScanRange& range) {
-  ScanRange smaller = range;
-  for (float& scale : smaller.scales) scale /= CoarseMaps::kShrink;
-  smaller.rows = coarse_rows(range.rows, maps.height());
-  std::vector<ScanHit> hits = scan(
-      bank, maps.far(static_cast<double>(smaller.scales.front()), bank.model().radius()), smaller);
-  for (ScanHit& hit : hits) {
-    hit.x = static_cast<int16_t>(CoarseMaps::kShrink * hit.x);
-    hit.y = static_cast<int16_t>(CoarseMaps::kShrink * hit.y);
-  }
-  return hits;
-}
-
 }  // namespace
 
 size_t PoseScan::next_camera(const DetectorFrames& frames, DetectorFrames::Where where) {
@@ -75,7 +60,7 @@ std::optional<ImagePlace> PoseScan::next_place(const DetectorFrames& frames,
 }
 
 ScanResult PoseScan::scan(const DetectorFrames& frames, size_t camera, DetectorFrames::Where where,
-                          const MeshColors* colors) {
+                          const MeshColors* colors) const {
   ScanResult out;
   out.camera = camera;
   out.range.max = max_hits_ / hits_divisor(where);
@@ -92,11 +77,7 @@ ScanResult PoseScan::scan(const DetectorFrames& frames, size_t camera, DetectorF
         columns_within(std::move(out.range.rows), image, frames.search_cameras()[camera].shrink,
                        edges.width() / 2, edges.height() / 2);
   }
-  const bool any_large = is_large(distances_.cameras[frames.camera_index(camera)].scales.front());
-  if (any_large) {
-    coarse_.show(frames.image(camera), frames.mask(camera), distances_.map_margin);
-  }
-  scan_range(frames, colors, any_large ? &coarse_ : nullptr, out);
+  scan_range(frames, colors, out);
   return out;
 }
 
@@ -109,7 +90,7 @@ ScanResult PoseScan::scan_about(const DetectorFrames& frames, const ImagePlace& 
   out.range.rows =
       columns_about((place.pixel.array() + 0.5).matrix() / search.shrink,
                     place.radius_px / search.shrink, edges.width() / 2, edges.height() / 2);
-  scan_range(frames, nullptr, nullptr, out);
+  scan_range(frames, nullptr, out);
   return out;
 }
 
@@ -126,12 +107,8 @@ std::vector<DetectionTrace::Candidate> PoseScan::poses(const DetectorFrames& fra
   return out;
 }
 
-bool PoseScan::is_large(float scale) const {
-  return kMapShrink * static_cast<double>(scale) * width_ >= kCoarseScanPx;
-}
-
 void PoseScan::scan_range(const DetectorFrames& frames, const MeshColors* colors,
-                          const CoarseMaps* coarse, ScanResult& out) const {
+                          ScanResult& out) const {
   const std::vector<float>& scales = distances_.cameras[frames.camera_index(out.camera)].scales;
   const double radius = bank_.model().radius();
   // Each distance gets as many hits as any other, and maps spread for its scale.
@@ -143,11 +120,7 @@ void PoseScan::scan_range(const DetectorFrames& frames, const MeshColors* colors
     one.scales = {scales[i]};
     const size_t max = one.max;
     if (colors != nullptr) one.max *= kColoredHits;
-    if (coarse != nullptr && is_large(scales[i])) {
-      hits[i] = scan_coarse(bank_, *coarse, one);
-    } else {
-      hits[i] = observe::scan(bank_, search.far(static_cast<double>(scales[i]), radius), one);
-    }
+    hits[i] = observe::scan(bank_, search.far(static_cast<double>(scales[i]), radius), one);
     if (colors != nullptr) keep_best(hits[i], one, *colors, out.camera, max);
     for (ScanHit& hit : hits[i]) hit.scale = static_cast<uint16_t>(i);
   });

@@ -7,7 +7,6 @@
 #include <optional>
 #include <vector>
 
-#include "observe/detect/coarse_maps.hpp"
 #include "observe/detect/colors/mesh_colors.hpp"
 #include "observe/detect/detector_frames.hpp"
 #include "observe/detect/plan/search_distances.hpp"
@@ -34,15 +33,9 @@ struct ImagePlace {
 /// camera, by directions of edges.
 class PoseScan {
  public:
-  /// `width`: of the object [m], see PoseFitter::width(); 0: it is scanned on the same maps at all
-  /// distances.
   PoseScan(const TemplateBank& bank, const SearchDistances& distances, size_t max_hits,
-           Executor executor = run_serially, double width = 0)
-      : bank_(bank),
-        distances_(distances),
-        width_(width),
-        max_hits_(max_hits),
-        executor_(std::move(executor)) {}
+           Executor executor = run_serially)
+      : bank_(bank), distances_(distances), max_hits_(max_hits), executor_(std::move(executor)) {}
 
   /// The camera to be scanned: the next one each time; of those that show what is looked for, if
   /// any does.
@@ -54,7 +47,7 @@ class PoseScan {
   /// Needs the response maps of the frames, selected with the same `where`. With `colors` of the
   /// mesh half of the hits are those of many more that they agree best with; null: it has none.
   ScanResult scan(const DetectorFrames& frames, size_t camera, DetectorFrames::Where where,
-                  const MeshColors* colors = nullptr);
+                  const MeshColors* colors = nullptr) const;
   /// The same with the object's middle in a part of the image only.
   ScanResult scan_about(const DetectorFrames& frames, const ImagePlace& place) const;
   /// Where the object is by each hit.
@@ -62,19 +55,13 @@ class PoseScan {
                                                const ScanResult& hits) const;
 
  private:
-  /// `coarse`: of the image that is scanned, for distances at which the object is large; null: all
-  /// are scanned at the same size.
-  void scan_range(const DetectorFrames& frames, const MeshColors* colors, const CoarseMaps* coarse,
-                  ScanResult& out) const;
-  bool is_large(float scale) const;
+  void scan_range(const DetectorFrames& frames, const MeshColors* colors, ScanResult& out) const;
 
   const TemplateBank& bank_;
   const SearchDistances& distances_;
-  const double width_;
   const size_t max_hits_;
   const Executor executor_;
   size_t next_ = 0;
-  CoarseMaps coarse_;  ///< of the image that was scanned last
 };
 
 /// Columns [first, end) of every row of the response maps where the middle of an object that

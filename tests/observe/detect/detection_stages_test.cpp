@@ -173,7 +173,7 @@ TEST(PoseScan, HitsTheObjectInOneCamera) {
 TEST(PoseScan, ScoresWhatThePoseHasByItself) {
   DetectorFrames frames = scene().frames();
   frames.compute_responses(scene().distances.map_margin, DetectorFrames::Edges::kBorders);
-  PoseScan scan(scene().bank, scene().distances, 1200);
+  const PoseScan scan(scene().bank, scene().distances, 1200);
   const ScanResult found = scan.scan(frames, 0, DetectorFrames::Where::kEverywhere);
   ASSERT_GT(found.hits.size(), 500u);
   const SearchCamera& camera = frames.search_cameras()[0];
@@ -227,7 +227,7 @@ TEST(PoseScan, KeepsToAPartOfTheImage) {
 TEST(PoseVerification, FindsWhereAllCamerasAgree) {
   DetectorFrames frames = scene().frames();
   frames.compute_responses(scene().distances.map_margin, DetectorFrames::Edges::kBorders);
-  PoseScan scan(scene().bank, scene().distances, 12000);
+  const PoseScan scan(scene().bank, scene().distances, 12000);
   const PoseVerification verification(scene().bank, scene().silhouettes);
   const auto poses =
       verification.by_edges(frames, scan.scan(frames, 0, DetectorFrames::Where::kEverywhere));
@@ -418,7 +418,7 @@ TEST(ContourSearch, TheTruthStandsOutFromItsSurroundings) {
   frames.compute_responses(scene().distances.map_margin, DetectorFrames::Edges::kBorders);
   const PoseFitter fitter(scene().bank.model());
   const ContourSearch contours(scene().bank, scene().silhouettes, fitter);
-  PoseScan scan(scene().bank, scene().distances, 12000);
+  const PoseScan scan(scene().bank, scene().distances, 12000);
   DetectionTrace trace;
   const PoseVerification verification(scene().bank, scene().silhouettes);
   const auto verified =

@@ -100,16 +100,7 @@ void reduce(const HalfSizeImage& from, HalfSizeImage& to) {
   to.height = from.height / 2;
   to.in_color = from.in_color;
   for (size_t plane = 0; plane < from.planes.size(); ++plane) {
-    to.planes[plane].resize(static_cast<size_t>(to.width) * static_cast<size_t>(to.height));
-    for (int y = 0; y < to.height; ++y) {
-      const uint8_t* above = from.row(plane, 2 * y);
-      const uint8_t* below = from.row(plane, 2 * y + 1);
-      uint8_t* out = to.planes[plane].data() + static_cast<ptrdiff_t>(y) * to.width;
-      for (int x = 0; x < to.width; ++x) {
-        const int sum = above[2 * x] + above[2 * x + 1] + below[2 * x] + below[2 * x + 1];
-        out[x] = static_cast<uint8_t>((sum + 2) / 4);
-      }
-    }
+    shrink_into(from.view(plane), 2, to.width, to.height, to.planes[plane]);
   }
 }
 
