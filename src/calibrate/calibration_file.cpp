@@ -45,8 +45,12 @@ std::string format_camera(const CalibratedCamera& camera) {
       list_text(p.distortion.data(), coefficients_of(p.lens)));
   if (!camera.axes) text += pose_text("world_from_camera", camera.world_from_camera);
   text += fmt::format("rms_px = {}\n", number_text(camera.rms_px));
-  if (camera.time_offset_s == 0) return text;
-  return text + fmt::format("time_offset_s = {}\n", number_text(camera.time_offset_s));
+  const auto add_seconds = [&text](const char* key, double value) {
+    if (value != 0) text += fmt::format("{} = {}\n", key, number_text(value));
+  };
+  add_seconds("time_offset_s", camera.time_offset_s);
+  add_seconds("readout_s", camera.readout_s);
+  return text;
 }
 
 std::string format_axes(const CalibratedCamera& camera) {

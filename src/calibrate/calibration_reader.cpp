@@ -20,7 +20,7 @@ constexpr std::array kKeys = {"name",       "width",
                               "rvec",       "tvec",
                               "rms_px",     "date",
                               "sigmas",     "time_offset_s",
-                              "axes"};
+                              "readout_s",  "axes"};
 /// Keys of [camera.sigmas] and how many numbers each takes (0: as many as the distortion).
 constexpr std::array<std::pair<const char*, size_t>, 7> kSigmas = {{{"fx", 1},
                                                                     {"fy", 1},
@@ -32,6 +32,7 @@ constexpr std::array<std::pair<const char*, size_t>, 7> kSigmas = {{{"fx", 1},
 
 constexpr double kLargestRms = 10'000;    // [px]
 constexpr double kLargestTimeOffset = 2;  // [s]; the estimator keeps less of the past than that
+constexpr double kLargestReadout = 0.2;   // [s]; sensors take less than a frame
 
 struct LensName {
   const char* name;
@@ -70,12 +71,14 @@ class CameraReader {
       SL_ASSIGN(world_from_camera, read_pose());
     }
     SL_ASSIGN(const double rms_px, read_rms());
-    SL_ASSIGN(const double time_offset_s, read_time_offset());
+    SL_ASSIGN(const double time_offset_s, read_seconds("time_offset_s", kLargestTimeOffset));
+    SL_ASSIGN(const double readout_s, read_seconds("readout_s", kLargestReadout));
     SL_RETURN_IF_ERROR(check_date());
     SL_RETURN_IF_ERROR(check_sigmas(distortion.size()));
     SL_ASSIGN(const CameraModel model,
               CameraModel::create(p, place(file_, table_.get("fx")->source())));
-    return CalibratedCamera{name, model, world_from_camera, rms_px, time_offset_s, std::move(axes)};
+    return CalibratedCamera{name,          model,           world_from_camera, rms_px,
+                            time_offset_s, std::move(axes), readout_s};
   }
 
  private:
@@ -231,13 +234,14 @@ class CameraReader {
     return value;
   }
 
-  Result<double> read_time_offset() const {
-    const toml::node* node = table_.get("time_offset_s");
+  // Either way; none: 0.
+  Result<double> read_seconds(const char* key, double largest) const {
+    const toml::node* node = table_.get(key);
     if (node == nullptr) return 0.0;
-    SL_ASSIGN(const double value, number(*node, "time_offset_s"));
-    if (!(std::abs(value) <= kLargestTimeOffset)) {
-      return fault(node->source(), "'time_offset_s' is {}, it must be -{} to {}", value,
-                   kLargestTimeOffset, kLargestTimeOffset);
+    SL_ASSIGN(const double value, number(*node, key));
+    if (!(std::abs(value) <= largest)) {
+      return fault(node->source(), "'{}' is {}, it must be -{} to {}", key, value, largest,
+                   largest);
     }
     return value;
   }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <iterator>
 
+#include "pipeline/rolling_view.hpp"
 #include "pipeline/turning/turning_view.hpp"
 #include "sightline/pipeline/mesh_color_renderer.hpp"
 #include "sightline/pipeline/mesh_depth_renderer.hpp"
@@ -44,6 +45,16 @@ std::vector<TrackedObject> tracked_objects(const Rig& rig, CameraId camera) {
                            : ColorRendererFactory()});
   }
   return objects;
+}
+
+std::unique_ptr<RollingView> rolling_view(const CalibratedCamera& camera, const Rig& rig) {
+  if (camera.readout_s == 0) return nullptr;
+  std::vector<Eigen::Vector3d> centers;
+  for (const RigObject& object : rig.objects) {
+    centers.push_back(object.mesh ? object.mesh->center.cast<double>()
+                                  : Eigen::Vector3d(Eigen::Vector3d::Zero()));
+  }
+  return std::make_unique<RollingView>(camera, std::move(centers));
 }
 
 // Two modalities start from slightly different poses of one frame; the poses of a symmetric shape
@@ -104,17 +115,20 @@ Result<std::unique_ptr<CameraObserver>> CameraObserver::create(const Installatio
   if (config.gamma > 0) options.gamma = config.gamma;
   SL_ASSIGN(auto tracker, ObjectTracker::create(config.calibration, camera, std::move(objects),
                                                 options, std::move(scene)));
-  return std::unique_ptr<CameraObserver>(
-      new CameraObserver(camera, std::move(fiducials), std::move(tracker), std::move(turning)));
+  return std::unique_ptr<CameraObserver>(new CameraObserver(camera, std::move(fiducials),
+                                                            std::move(tracker), std::move(turning),
+                                                            rolling_view(config.calibration, rig)));
 }
 
 CameraObserver::CameraObserver(CameraId camera, std::unique_ptr<FiducialObserver> fiducials,
                                std::unique_ptr<ObjectTracker> tracker,
-                               std::unique_ptr<TurningView> turning)
+                               std::unique_ptr<TurningView> turning,
+                               std::unique_ptr<RollingView> rolling)
     : camera_(camera),
       fiducials_(std::move(fiducials)),
       tracker_(std::move(tracker)),
-      turning_(std::move(turning)) {}
+      turning_(std::move(turning)),
+      rolling_(std::move(rolling)) {}
 CameraObserver::~CameraObserver() = default;
 
 void CameraObserver::step(const Frame& frame, std::span<const PoseTrackPtr> tracks,
@@ -122,6 +136,10 @@ void CameraObserver::step(const Frame& frame, std::span<const PoseTrackPtr> trac
   const size_t first = out.size();
   if (found_) {
     for (FoundView& view : found_->take(camera_)) tracker_->note_found(std::move(view));
+  }
+  if (rolling_) {
+    rolling_->look(frame.info(), tracks);
+    tracks = rolling_->tracks();
   }
   if (turning_) {
     if (!turning_->look(frame.info(), tracks)) return;
@@ -131,6 +149,7 @@ void CameraObserver::step(const Frame& frame, std::span<const PoseTrackPtr> trac
   tracker_->step(frame, tracks, out);
   merge_observations(first, out);
   if (turning_) turning_->bring_back(std::span(out).subspan(first));
+  if (rolling_) rolling_->bring_back(std::span(out).subspan(first));
 }
 
 void merge_observations(size_t first, std::vector<Observation>& observations) {

@@ -80,6 +80,16 @@ TEST(CalibrationFile, ATimeOffsetIsKept) {
   EXPECT_THAT(with("rms_px = 0.31\n", "time_offset_s = nan\n"), FailsWith("time_offset_s"));
 }
 
+TEST(CalibrationFile, AReadoutIsKept) {
+  EXPECT_EQ(parse_calibration(kGood, "c.toml")->front().readout_s, 0);
+  const auto rolling = with("rms_px = 0.31\n", "rms_px = 0.31\nreadout_s = -0.0213\n");
+  ASSERT_THAT(rolling, IsOk());
+  EXPECT_EQ(rolling->front().readout_s, -0.0213);
+  EXPECT_EQ(parse_calibration(format_calibration(*rolling), "c.toml")->front().readout_s, -0.0213);
+  EXPECT_THAT(with("rms_px = 0.31\n", "readout_s = 0.3\n"), FailsWith("must be -0.2 to 0.2"));
+  EXPECT_THAT(with("rms_px = 0.31\n", "readout_s = \"fast\"\n"), FailsWith("readout_s"));
+}
+
 TEST(CalibrationFile, WritesWhatItReads) {
   std::vector<CalibratedCamera> cameras;
   for (const auto& [name, p] : test::lenses()) {

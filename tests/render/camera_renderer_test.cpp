@@ -10,6 +10,7 @@
 #include "overlay_scene.hpp"
 #include "render/overlay/marks.hpp"
 #include "render_support.hpp"
+#include "sightline/geometry/rolling_shutter.hpp"
 #include "test_images.hpp"
 
 namespace sightline {
@@ -320,6 +321,24 @@ TEST(CameraRenderer, PosesAreThoseOfTheCaptureTime) {
   ASSERT_EQ(drawn.poses.size(), 1u);
   EXPECT_EQ(drawn.poses[0].source, PoseSource::kInterpolated);
   EXPECT_NEAR(drawn.poses[0].estimate.world_from_object.translation.x(), 0.01, 1e-9);
+}
+
+TEST(CameraRenderer, WhatMovesIsDrawnWhereARollingShutterShowsIt) {
+  const OverlayScene scene;
+  OverlayScene rolling;
+  rolling.camera.readout_s = 0.04;
+  const OverlayStyle style = only({"fill"});
+  PoseEstimate moving = estimate_at(pose_at(0.02, 0.15, 0.7), TrackState::kTracking);
+  moving.twist << 0, 0, 2, 0.8, 0.1, 0;
+  const double delay = row_delay_s(rolling.camera, moving.world_from_object.translation);
+  ASSERT_GT(delay, 0.005);
+  const Drawn drawn(rolling, style, track_of({moving}));
+  const Drawn there(scene, style, moving.world_from_object * Rigid3::exp(moving.twist * delay));
+  EXPECT_EQ(drawn.changed(), there.changed());
+  EXPECT_NE(drawn.changed(), Drawn(scene, style, moving.world_from_object).changed());
+  // What is told of it is its pose at the frame's time.
+  EXPECT_EQ(difference(drawn.poses[0].estimate.world_from_object, moving.world_from_object).norm(),
+            0);
 }
 
 TEST(CameraRenderer, XrayOnlyWhereTheSceneIsNearer) {

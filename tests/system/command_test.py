@@ -156,6 +156,32 @@ class FoundFromNothing(TemporaryFolder):
         self.assertGreaterEqual(self.follow("blur"), 0.75)
 
 
+class RollingShutter(TemporaryFolder):
+    """recordings/pantry: what moves at up to 1 m/s, its rows exposed within 25 ms."""
+
+    def errors(self, name, keep):
+        folder, poses = self.path(name), self.path(f"{name}.csv")
+        shutil.copytree(bundled("pantry"), folder)
+        with open(f"{folder}/calibration.toml", "r+", encoding="utf-8") as file:
+            lines = [line for line in file if keep or not line.startswith("readout_s")]
+            file.seek(0)
+            file.writelines(lines)
+            file.truncate()
+        sightline("replay", folder, "--instant-search", "--poses", poses)
+        result = json.loads(sightline("evaluate", f"{folder}/truth.csv", poses, f"--object={folder}/objects/mixer.toml",
+                                      "--json")[0])["objects"][0]
+        print(f"{name}: {result['errors']['median_mm']:.2f} mm, {result['errors']['median_deg']:.2f} deg (medians)")
+        self.assertEqual(result["wrong_claims"], 0)
+        self.assertGreaterEqual(result["within"], 0.9 * result["judged"])
+        return result["errors"]
+
+    def test_what_moves_is_where_it_is_when_its_rows_are_exposed(self):
+        told, untold = self.errors("rolling", True), self.errors("all_at_once", False)
+        self.assertLess(told["median_mm"], 2)
+        self.assertLess(told["median_mm"], 0.6 * untold["median_mm"])
+        self.assertLess(told["median_deg"], 0.8 * untold["median_deg"])
+
+
 def bundled(name):
     return os.path.join(ROOT, "recordings", name)
 

@@ -26,6 +26,7 @@ namespace sightline {
 ///     rvec = [..], tvec = [..]           # or these: OpenCV's, that is camera_from_world [rad, m]
 ///     rms_px = 0.37                      # optional, of the calibration
 ///     time_offset_s = 0.012              # optional: images are taken later than stamped
+///     readout_s = 0.025                  # optional: rolling shutter, last row after the first
 ///     date = 2024-05-31                  # optional, TOML date, date-time or text; not kept
 ///     [camera.axes]                      # of a camera that turns, instead of a pose:
 ///     docs/turning.md [camera.sigmas]                    # optional, checked but not kept: fx, fy,

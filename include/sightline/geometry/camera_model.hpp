@@ -81,6 +81,9 @@ struct CalibratedCamera {
   /// How it turns; its frames say where it stood (FrameInfo::place), and world_from_camera is where
   /// it stands at angles of zero. Empty: it stands still.
   std::optional<CameraAxes> axes = {};
+  /// How much later its last row is exposed than its first (rolling shutter) [s]; stamps are those
+  /// of the middle row. Negative: from the bottom up. 0: all rows at once (global shutter).
+  double readout_s = 0;
 
   bool operator==(const CalibratedCamera&) const = default;
 };

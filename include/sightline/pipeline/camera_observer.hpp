@@ -12,8 +12,9 @@
 namespace sightline {
 
 namespace pipeline {
+class RollingView;
 class TurningView;
-}
+}  // namespace pipeline
 
 /// Everything that looks at one camera's frames: fiducials and the object's own look, one
 /// Observation per object. One thread at a time.
@@ -27,7 +28,8 @@ class CameraObserver {
   void take_from(std::shared_ptr<FoundViews> found) { found_ = std::move(found); }
   /// Looks at a frame with the newest tracks and appends one Observation per object that has any
   /// modality at all. Of a camera that turns, what it says is what the camera would say at the
-  /// frame's place; where that is not known it says nothing.
+  /// frame's place; where that is not known it says nothing. Of one whose shutter rolls, it is said
+  /// of the frame's capture time.
   void step(const Frame& frame, std::span<const PoseTrackPtr> tracks,
             std::vector<Observation>& out);
 
@@ -37,13 +39,15 @@ class CameraObserver {
  private:
   CameraObserver(CameraId camera, std::unique_ptr<FiducialObserver> fiducials,
                  std::unique_ptr<ObjectTracker> tracker,
-                 std::unique_ptr<pipeline::TurningView> turning);
+                 std::unique_ptr<pipeline::TurningView> turning,
+                 std::unique_ptr<pipeline::RollingView> rolling);
 
   const CameraId camera_;
   std::shared_ptr<FoundViews> found_;  // null: nobody searches
   std::unique_ptr<FiducialObserver> fiducials_;
   std::unique_ptr<ObjectTracker> tracker_;
   std::unique_ptr<pipeline::TurningView> turning_;  // null: the camera stands still
+  std::unique_ptr<pipeline::RollingView> rolling_;  // null: all rows are exposed at once
 };
 
 /// Puts the terms and poses of observations of one object, camera and frame into one, from index

@@ -126,6 +126,8 @@ ModelTracker::Measurement ModelTracker::measure(const Frame& frame, const Predic
                         options.placing_floor.rotation, options.placing_floor.translation);
   outline_.set_occluders(spheres);
   other_outline_.set_occluders(spheres);
+  outline_.set_twist(prediction.twist);
+  other_outline_.set_twist(prediction.twist);
   outline_.place(prediction.world_from_object);
   Measurement out;
   out.aspect = aspect();
@@ -172,7 +174,7 @@ PoseTermPtr ModelTracker::measure_print(const Frame& frame, const PosePrior& pri
   if (!print_) return nullptr;
   TexturePoints& points = print_->around(camera_.camera_from_world * starts.front());
   PoseTermPtr term = print_measurement_.measure(frame.gray(), prior, starts, outline_.occluders(),
-                                                ambiguous, points, result.points_used);
+                                                ambiguous, points, result.points_used, &outline_);
   result.by_print = term != nullptr;
   return term;
 }

@@ -19,6 +19,7 @@ struct Prediction {
   Rigid3 world_from_object;
   Matrix6 covariance;      ///< tangent, see Rigid3
   bool ambiguous = false;  ///< it may be another pose that the shape cannot tell from this one
+  Vector6 twist = Vector6::Zero();  ///< [rad/s, m/s], body frame
 };
 
 /// One object in one camera: fits the outline around a predicted pose, judges whether the image

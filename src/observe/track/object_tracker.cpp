@@ -196,8 +196,8 @@ ModelTracker::Measurement ObjectTracker::Impl::measure(State& state, const Frame
                                                        const ModelTracker::Learned& learned,
                                                        std::vector<PoseTermPtr>& terms) {
   const bool ambiguous = (at.estimate.degraded_reasons & kAmbiguous) != 0;
-  const Prediction predicted{at.estimate.world_from_object, at.estimate.own_covariance(),
-                             ambiguous};
+  const Prediction predicted{at.estimate.world_from_object, at.estimate.own_covariance(), ambiguous,
+                             at.estimate.twist};
   const auto look = [&](const Prediction& around) {
     terms.clear();
     return state.tracker.measure(frame, around, learned, spheres_, terms);

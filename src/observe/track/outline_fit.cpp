@@ -69,6 +69,7 @@ const ColorHistograms* OutlineFit::fit(const ColorReader& frame, const PosePrior
     gap = kLearnGapPx;
     if (colors == nullptr) return false;
     measure_lines(frame, *colors, scale, outline.lines());
+    outline.correct_for_rolling();
     return true;
   };
   for (int scale = coarsest_scale(spread_px); scale > 0; scale = finer(scale)) {
@@ -90,6 +91,7 @@ bool OutlineFit::fit_locally(const ColorReader& frame, const PosePrior& prior, d
     local_.learn(counts_, 0.0f, kFreshLocalShare);
     gap = kLearnGapPx;
     measure_lines(frame, local_, center, scale, outline.lines());
+    outline.correct_for_rolling();
     return local_.known();
   };
   for (int scale = coarsest_scale(spread_px); scale > 0; scale = finer(scale)) {

@@ -28,6 +28,18 @@ bool TextureMeasurement::linearize() {
   return true;
 }
 
+void TextureMeasurement::correct_for_rolling(const PlacedOutline& moving) {
+  for (size_t i = 0; i < found_.size(); ++i) {
+    const double row = found_[i].pixel.y();
+    for (size_t axis = 0; axis < 2; ++axis) {
+      LineResidual& residual = residuals_[2 * i + axis];
+      const double rolled = moving.rolled_px(residual.by_pose, row);
+      residual.offset -= rolled;
+      found_[i].pixel(static_cast<Eigen::Index>(axis)) -= rolled;
+    }
+  }
+}
+
 void TextureMeasurement::find(const PlaneView& gray, const PosePrior& prior,
                               std::span<const Rigid3> starts, const Occluders& occluders,
                               bool ambiguous, TexturePoints& points) {
@@ -55,10 +67,12 @@ void TextureMeasurement::find(const PlaneView& gray, const PosePrior& prior,
 
 PoseTermPtr TextureMeasurement::measure(const PlaneView& gray, const PosePrior& prior,
                                         std::span<const Rigid3> starts, const Occluders& occluders,
-                                        bool ambiguous, TexturePoints& points, int& used) {
+                                        bool ambiguous, TexturePoints& points, int& used,
+                                        const PlacedOutline* moving) {
   const TrackerOptions& options = camera_.options;
   find(gray, prior, starts, occluders, ambiguous, points);
   if (found_.size() < kMinPoints || !linearize()) return nullptr;
+  if (moving != nullptr) correct_for_rolling(*moving);
   const Vector6 step =
       fit_lines(residuals_, prior.information, prior.offset_of(at_), options.huber);
   pose_ = at_ * Rigid3::exp(step);

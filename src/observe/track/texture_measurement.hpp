@@ -23,8 +23,11 @@ class TextureMeasurement {
 
   /// `starts`: poses world_from_object that points are searched around, from the second on only
   /// while few are found. Null if too few points agree. `used`: points of the term, or that agreed.
+  /// `moving`: what a rolling shutter shows elsewhere is corrected by its motion (not of points
+  /// that were learned from such images: they are off alike); null: not.
   PoseTermPtr measure(const PlaneView& gray, const PosePrior& prior, std::span<const Rigid3> starts,
-                      const Occluders& occluders, bool ambiguous, TexturePoints& points, int& used);
+                      const Occluders& occluders, bool ambiguous, TexturePoints& points, int& used,
+                      const PlacedOutline* moving = nullptr);
   /// Points that the last image showed, agreeing or not.
   size_t found() const { return found_.size(); }
   /// The pose of the last term, with the prior.
@@ -36,6 +39,8 @@ class TextureMeasurement {
             const Occluders& occluders, bool ambiguous, TexturePoints& points);
   /// Into residuals_, by the pose at_; false if one cannot be projected.
   bool linearize();
+  /// Takes off found_ and residuals_ what a rolling shutter shows farther on.
+  void correct_for_rolling(const PlacedOutline& moving);
 
   const TrackerCamera& camera_;
   const Rules rules_;

@@ -2,6 +2,7 @@
 #include "render/overlay/frame_subjects.hpp"
 
 #include "render/overlay/tile/tile_compositor.hpp"
+#include "sightline/geometry/rolling_shutter.hpp"
 #include "sightline/render/mesh/level_of_detail.hpp"
 #include "sightline/render/overlay/label.hpp"
 
@@ -60,9 +61,16 @@ void FrameSubjects::read_pose(size_t i, Time capture, const PoseTrack* track, Po
   pose.estimate.time = capture;
 }
 
+// Where the image shows it: a rolling shutter exposes its row sooner or later than the middle one.
+Rigid3 FrameSubjects::pose_in_camera(size_t object, const PoseEstimate& estimate) const {
+  const Rigid3 at_capture = camera_from_world_ * estimate.world_from_object;
+  const double delay =
+      row_delay_s(camera_, at_capture * objects_[object].mesh->center.cast<double>());
+  return delay == 0 ? at_capture : at_capture * Rigid3::exp(estimate.twist * delay);
+}
+
 Eigen::Vector3d FrameSubjects::center_in_camera(size_t object, const PoseEstimate& estimate) const {
-  return camera_from_world_ *
-         (estimate.world_from_object * objects_[object].mesh->center.cast<double>());
+  return pose_in_camera(object, estimate) * objects_[object].mesh->center.cast<double>();
 }
 
 Subject FrameSubjects::subject_of(size_t i, const PoseEstimate& estimate,
@@ -72,8 +80,8 @@ Subject FrameSubjects::subject_of(size_t i, const PoseEstimate& estimate,
   Rgb hue = style.color;
   if (estimate.state == TrackState::kDegraded) hue = style.degraded_color;
   if (estimate.state == TrackState::kCoasting) hue = style.coasting_color;
-  const Eigen::Vector3d center = center_in_camera(i, estimate);
-  const Rigid3 camera_from_object = camera_from_world_ * estimate.world_from_object;
+  const Rigid3 camera_from_object = pose_in_camera(i, estimate);
+  const Eigen::Vector3d center = camera_from_object * object.mesh->center.cast<double>();
   const RenderMesh& mesh =
       object.levels == nullptr
           ? *object.mesh

@@ -35,6 +35,7 @@ class FrameSubjects {
 
  private:
   void read_pose(size_t i, Time capture, const PoseTrack* track, PoseAt& pose);
+  Rigid3 pose_in_camera(size_t object, const PoseEstimate& estimate) const;
   Subject subject_of(size_t i, const PoseEstimate& estimate, const PoseTrack* track) const;
   void insert(const Subject& subject);
 

@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "sightline/geometry/camera_model.hpp"
+
+namespace sightline {
+
+/// How much later than the middle row of its image a camera exposes the row in which it sees a
+/// point [s]: readout_s * (v - (height - 1) / 2) / height, v the row [px], held inside the image.
+/// Zero for a point that its lens does not show. (Constant line delay: Liang, Chang and Chen,
+/// Analysis and compensation of rolling shutter effect, IEEE Trans. Image Processing 17(8), 2008.)
+double row_delay_s(const CalibratedCamera& camera, const Eigen::Vector3d& point_in_camera);
+
+}  // namespace sightline
