@@ -110,6 +110,9 @@ def main():
         parser.error("--passes: at least 1")
     if (options.recording.folder / "axes.csv").exists():
         parser.error(f"{options.recording.folder}: its axes.csv is not turned back; cameras that stand still only")
+    calibration = tomllib.loads((options.recording.folder / "calibration.toml").read_text(encoding="utf-8"))
+    if any(camera.get("readout_s", 0) != 0 for camera in calibration["camera"]):
+        parser.error(f"{options.recording.folder}: played backwards a rolling shutter (readout_s) would roll the other way")
     to_and_fro(options.recording, options.folder, options.passes)
     return 0
 

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <iterator>
 
-#include "pipeline/rolling_view.hpp"
-#include "pipeline/turning/turning_view.hpp"
+#include "pipeline/view/rolling_view.hpp"
+#include "pipeline/view/turning_view.hpp"
 #include "sightline/pipeline/mesh_color_renderer.hpp"
 #include "sightline/pipeline/mesh_depth_renderer.hpp"
 #include "sightline/pipeline/mesh_print_renderer.hpp"

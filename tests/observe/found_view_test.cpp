@@ -7,10 +7,8 @@
 #include <numbers>
 #include <random>
 
-#include "sightline/observe/track/object_tracker.hpp"
-#include "sightline/pipeline/mesh_depth_renderer.hpp"
 #include "support/scene_rig.hpp"
-#include "support/scene_shapes.hpp"
+#include "tracked_creature.hpp"
 
 namespace sightline {
 namespace {
@@ -21,26 +19,14 @@ using test::SceneRigOptions;
 
 constexpr double kDeg = std::numbers::pi / 180;
 
-const TriangleMesh& creature() {
-  static const TriangleMesh mesh = test::make_creature(3000);
-  return mesh;
-}
-
-TrackedObject tracked() {
-  const auto mesh = std::make_shared<const RenderMesh>(make_render_mesh(creature()));
-  ViewpointModelOptions options;
-  options.image_px = 240;
-  const DepthRendererFactory depth = mesh_depth_renderer_factory(mesh);
-  static const auto views = ViewpointModel::build(creature(), depth, options).value();
-  return {ObjectId(0), views, {false, true, true, false}, depth};
-}
+TrackedObject tracked() { return test::tracked_creature({false, true, true, false}); }
 
 // One camera, its tracker, and a track that is off by so much.
 class FoundViewTest : public testing::Test {
  protected:
   static SceneRigOptions options() {
     SceneRigOptions options;
-    options.shape = std::make_shared<const test::RayMesh>(creature());
+    options.shape = std::make_shared<const test::RayMesh>(test::creature());
     options.duration = 200ms;
     test::SceneSteps steps;
     options.path = test::smooth_path(steps, options.duration);

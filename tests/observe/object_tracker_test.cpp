@@ -15,11 +15,13 @@
 #include "support/allocations.hpp"
 #include "support/scene_rig.hpp"
 #include "support/scene_shapes.hpp"
+#include "tracked_creature.hpp"
 
 namespace sightline {
 namespace {
 
 using namespace std::chrono_literals;
+using test::creature;
 using test::SceneRig;
 using test::SceneRigOptions;
 using test::SceneShot;
@@ -35,19 +37,8 @@ std::shared_ptr<const ViewpointModel> views_of(const TriangleMesh& mesh) {
   return *made;
 }
 
-// Made once: it costs most of a second.
-const TriangleMesh& creature() {
-  static const TriangleMesh mesh = test::make_creature(3000);
-  return mesh;
-}
-std::shared_ptr<const ViewpointModel> creature_views() {
-  static const auto views = views_of(creature());
-  return views;
-}
-
 TrackedObject tracked(Modalities modalities = {false, true, true, true}) {
-  const auto mesh = std::make_shared<const RenderMesh>(make_render_mesh(creature()));
-  return {ObjectId(0), creature_views(), modalities, mesh_depth_renderer_factory(mesh)};
+  return test::tracked_creature(modalities);
 }
 
 SceneRigOptions options_of(Duration duration) {

@@ -7,10 +7,8 @@
 #include <cmath>
 #include <cstring>
 
-#include "sightline/observe/track/object_tracker.hpp"
-#include "sightline/pipeline/mesh_depth_renderer.hpp"
 #include "support/scene_rig.hpp"
-#include "support/scene_shapes.hpp"
+#include "tracked_creature.hpp"
 
 namespace sightline {
 namespace {
@@ -34,7 +32,7 @@ class RollingTracker : public testing::Test {
  protected:
   static SceneRigOptions options() {
     SceneRigOptions options;
-    options.shape = std::make_shared<const test::RayMesh>(mesh());
+    options.shape = std::make_shared<const test::RayMesh>(test::creature());
     options.azimuths_deg = {0};
     options.duration = 200ms;
     options.path = [](Time time) {
@@ -42,25 +40,10 @@ class RollingTracker : public testing::Test {
     };
     return options;
   }
-  static const TriangleMesh& mesh() {
-    static const TriangleMesh made = test::make_creature(3000);
-    return made;
-  }
-  static TrackedObject tracked(const Modalities& modalities) {
-    const auto prepared = std::make_shared<const RenderMesh>(make_render_mesh(mesh()));
-    ViewpointModelOptions options;
-    options.image_px = 240;
-    const DepthRendererFactory depth = mesh_depth_renderer_factory(prepared);
-    static const auto views = ViewpointModel::build(mesh(), depth, options).value();
-    return {ObjectId(0), views, modalities, depth};
-  }
-
   double center_row() const {
     const CalibratedCamera& camera = rig_.cameras()[0];
-    const TrackedObject object = tracked({});
-    return camera.model
-        .project(camera.world_from_camera.inverse() * (truth() * object.views->center()))
-        ->y();
+    const Eigen::Vector3d center = test::tracked_creature({}).views->center();
+    return camera.model.project(camera.world_from_camera.inverse() * (truth() * center))->y();
   }
   const SceneShot& shot() const { return rig_.shots()[3]; }
   Rigid3 truth() const { return rig_.truth(shot().true_capture); }
@@ -93,7 +76,8 @@ class RollingTracker : public testing::Test {
   double lean(const FramePtr& frame, double readout_s, const Modalities& modalities) const {
     CalibratedCamera camera = rig_.cameras()[0];
     camera.readout_s = readout_s;
-    const auto tracker = ObjectTracker::create(camera, CameraId(0), {tracked(modalities)}).value();
+    const auto tracker =
+        ObjectTracker::create(camera, CameraId(0), {test::tracked_creature(modalities)}).value();
     PoseEstimate estimate;
     estimate.object = ObjectId(0);
     estimate.time = estimate.last_measured = frame->info().capture;

@@ -132,6 +132,7 @@ void EdgeMeasurement::place_edges(const PlaneView& gray, const PlacedOutline& ou
                     outline.occluders(), options.edge_reach_px, outline.revolved(), edges_);
   inner_ = {outer_.to, edges_.size()};
   find_steps(gray, camera_.light, options.min_edge_step, edges_);
+  if (!outline.rolling()) return;
   for (EdgeLine& edge : edges_) {
     const auto rolled = static_cast<float>(outline.rolled_px(edge.by_pose, edge.center.y()));
     for (float& offset : edge.offset) offset -= rolled;

@@ -124,10 +124,10 @@ ModelTracker::Measurement ModelTracker::measure(const Frame& frame, const Predic
   const TrackerOptions& options = camera_.options;
   const PosePrior prior(prediction.world_from_object, prediction.covariance,
                         options.placing_floor.rotation, options.placing_floor.translation);
-  outline_.set_occluders(spheres);
-  other_outline_.set_occluders(spheres);
-  outline_.set_twist(prediction.twist);
-  other_outline_.set_twist(prediction.twist);
+  for (PlacedOutline* outline : {&outline_, &other_outline_}) {
+    outline->set_occluders(spheres);
+    outline->set_motion(prediction.world_from_object, prediction.twist);
+  }
   outline_.place(prediction.world_from_object);
   Measurement out;
   out.aspect = aspect();
@@ -174,7 +174,8 @@ PoseTermPtr ModelTracker::measure_print(const Frame& frame, const PosePrior& pri
   if (!print_) return nullptr;
   TexturePoints& points = print_->around(camera_.camera_from_world * starts.front());
   PoseTermPtr term = print_measurement_.measure(frame.gray(), prior, starts, outline_.occluders(),
-                                                ambiguous, points, result.points_used, &outline_);
+                                                ambiguous, points, result.points_used,
+                                                outline_.rolling() ? &outline_ : nullptr);
   result.by_print = term != nullptr;
   return term;
 }

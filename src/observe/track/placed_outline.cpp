@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "observe/track/track_constants.hpp"
+#include "sightline/geometry/rolling_shutter.hpp"
 
 namespace sightline::observe {
 namespace {
@@ -28,24 +29,25 @@ void PlacedOutline::place(const Rigid3& world_from_object) {
   world_from_object_ = world_from_object;
   const Rigid3 camera_from_object = camera_->camera_from_world * world_from_object;
   view_ = views_->nearest(camera_from_object);
-  note_rows(camera_from_object);
   place_lines(views_->view(view_), camera_->camera->model, camera_from_object, occluders_,
               tuning::kBorderPx, revolved(), lines_);
 }
 
-void PlacedOutline::note_rows(const Rigid3& camera_from_object) {
-  const CalibratedCamera& camera = *camera_->camera;
-  seconds_per_row_ = 0;
-  if (camera.readout_s == 0) return;
-  const auto center = camera.model.project(camera_from_object * views_->center());
-  if (!center) return;
-  seconds_per_row_ = camera.readout_s / camera.model.height();
-  center_row_ = center->y();
+void PlacedOutline::set_motion(const Rigid3& world_from_object, const Vector6& twist) {
+  twist_ = twist;
+  center_delay_s_ = row_delay_s(
+      *camera_->camera, camera_->camera_from_world * (world_from_object * views_->center()));
+}
+
+double PlacedOutline::rolled_px(const Vector6& by_pose, double row) const {
+  return (row_delay_s(*camera_->camera, row) - center_delay_s_) * by_pose.dot(twist_);
 }
 
 void PlacedOutline::correct_for_rolling() {
-  if (seconds_per_row_ == 0) return;
-  for (ContourLine& line : lines_) line.mean -= rolled_px(line.by_pose, line.center.y());
+  if (!rolling()) return;
+  for (ContourLine& line : lines_) {
+    if (line.measured) line.mean -= rolled_px(line.by_pose, line.center.y());
+  }
 }
 
 double PlacedOutline::pixels_per_meter() const {

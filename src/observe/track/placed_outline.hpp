@@ -34,17 +34,17 @@ class PlacedOutline {
   void set_occluders(std::span<const OccludingSphere> spheres) {
     occluders_ = {camera_->scene.tile, spheres};
   }
-  /// How the object moves in the frame at hand (body frame), if that is known.
-  void set_twist(const Vector6& twist) { twist_ = twist; }
+  /// Where the object is predicted in the frame at hand, and how it moves there (body frame).
+  void set_motion(const Rigid3& world_from_object, const Vector6& twist);
   /// Drops what was measured.
   void place(const Rigid3& world_from_object);
 
+  /// Rows are exposed one after the other.
+  bool rolling() const { return camera_->camera->readout_s != 0; }
   /// How far a rolling shutter shows a point of a row from where it is when the row of the object's
   /// center is exposed [px], along the direction that `by_pose` is the derivative of:
   ///     d (n . pixel) / d tangent * twist * (time of the row - time of the center's row)
-  double rolled_px(const Vector6& by_pose, double row) const {
-    return seconds_per_row_ * (row - center_row_) * by_pose.dot(twist_);
-  }
+  double rolled_px(const Vector6& by_pose, double row) const;
   /// Takes it off the offsets of the lines measured.
   void correct_for_rolling();
 
@@ -69,14 +69,12 @@ class PlacedOutline {
   double distance_to(const Rigid3& world_from_object) const;
 
  private:
-  void note_rows(const Rigid3& camera_from_object);
-
   const TrackerCamera* camera_;
   const ViewpointModel* views_;
   Occluders occluders_;
   Rigid3 world_from_object_;
   Vector6 twist_ = Vector6::Zero();
-  double seconds_per_row_ = 0, center_row_ = 0;
+  double center_delay_s_ = 0;  ///< of the row of the center as predicted
   size_t view_ = 0;
   std::vector<ContourLine> lines_;
 };

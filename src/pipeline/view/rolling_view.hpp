@@ -36,7 +36,7 @@ class RollingView {
     ObjectId object;
     Rigid3 moved;
   };
-  Duration delay_of(ObjectId object, const Rigid3& world_from_object) const;
+  Duration delay_of(ObjectId object, const PoseEstimate& estimate) const;
 
   CalibratedCamera camera_;
   const std::vector<Eigen::Vector3d> centers_;

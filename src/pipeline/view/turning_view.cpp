@@ -1,33 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "pipeline/turning/turning_view.hpp"
+#include "pipeline/view/turning_view.hpp"
 
 #include <utility>
 
+#include "pipeline/view/moved_term.hpp"
+
 namespace sightline::pipeline {
-namespace {
-
-/// A measurement of a camera that was believed to be at rest.
-class TurnedTerm final : public PoseTerm {
- public:
-  TurnedTerm(PoseTermPtr term, const Rigid3& rest_from_world)
-      : term_(std::move(term)), rest_from_world_(rest_from_world) {}
-  LinearizedTerm linearize(const Rigid3& world_from_object) const override {
-    return term_->linearize(rest_from_world_ * world_from_object);
-  }
-  std::string_view kind() const override { return term_->kind(); }
-
- private:
-  const PoseTermPtr term_;
-  const Rigid3 rest_from_world_;
-};
-
-void move(const Rigid3& world_from_rest, std::vector<PoseHypothesis>& hypotheses) {
-  for (PoseHypothesis& hypothesis : hypotheses) {
-    hypothesis.world_from_object = world_from_rest * hypothesis.world_from_object;
-  }
-}
-
-}  // namespace
 
 TurningView::TurningView(const Rigid3& world_from_rest, std::shared_ptr<const RayTable> rays,
                          std::shared_ptr<const std::vector<RenderMesh>> scene)
@@ -74,13 +52,8 @@ PoseTrackPtr TurningView::turned(const PoseTrack& track) const {
 }
 
 void TurningView::bring_back(std::span<Observation> observations) const {
-  const Rigid3 world_from_rest = now_.rest_from_world.inverse();
   for (Observation& observation : observations) {
-    for (PoseTermPtr& term : observation.terms) {
-      term = std::make_shared<const TurnedTerm>(std::move(term), now_.rest_from_world);
-    }
-    move(world_from_rest, observation.hypotheses);
-    move(world_from_rest, observation.symmetric_hypotheses);
+    say_of_pose(now_.rest_from_world, Rigid3(), observation);
   }
 }
 
