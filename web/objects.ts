@@ -16,6 +16,7 @@ const REASONS: Record<string, string> = {
   weak_rotation: "its turn about one axis is weak", one_camera: "one camera alone sees it",
   contradicted: "cameras contradict it", unexplained: "the pictures show more of it, or less",
   possible_swap: "it may be another one that looks alike",
+  flat_print: "one camera alone sees one flat side, at rest: it may be a picture",
 };
 
 const LATELY_MS = 500;

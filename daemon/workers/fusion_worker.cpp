@@ -56,7 +56,7 @@ FusionWorker::FusionWorker(std::unique_ptr<ObjectFusion> fusion,
          &registry.gauge("sightline_object_residual_sigmas",
                          "Root mean square of the newest accepted residuals", labels),
          {}});
-    for (int bit = 0; 1 << bit <= kPossibleSwap; ++bit) {
+    for (int bit = 0; 1 << bit <= kFlatPrint; ++bit) {
       const Labels reason{{"object", object.name},
                           {"reason", to_string(static_cast<DegradedReasons>(1 << bit), "")}};
       counters_.back().degraded_reasons.push_back(

@@ -186,6 +186,7 @@ void visit(Visitor& v, EstimatorOptions& s) {
            "an acceleration noise in rad/s^2/sqrt(Hz)");
   v.number("gate_probability", s.gate_probability, 0.9, 0.999999, "a probability");
   v.flag("one_camera_is_degraded", s.one_camera_is_degraded);
+  v.flag("flat_print_is_degraded", s.flat_print_is_degraded);
   v.number("max_sigma_m", s.max_sigma_translation, 1e-5, 1, "a length in meters");
   v.number("max_sigma_rad", s.max_sigma_rotation, 1e-4, 1, "an angle in radians");
 }

@@ -94,6 +94,8 @@ struct BankState {
   /// Bias between the cameras' innovations, as a share of the largest systematic variance.
   double bias_share = 0;
   bool unexplained = false, absent = false;  ///< see picture_record.hpp
+  bool flat_print = false;                   ///< print was seen as a picture would show it
+  bool solid = false;                        ///< as none would, or two cameras have tracked it
   bool found_before = false;                 ///< published.last_measured means something
   Time judged{};              ///< of the newest state: see settled() in track_state.cpp
   Duration undoubted{0};      ///< how long nothing has spoken against `tracking`, less what has

@@ -83,9 +83,9 @@ std::string_view to_string(TrackState state) {
 }
 
 std::string to_string(DegradedReasons degraded_reasons, std::string_view separator) {
-  static constexpr std::array<std::string_view, 9> kNames = {
+  static constexpr std::array<std::string_view, 10> kNames = {
       "unconfirmed", "several_poses", "ambiguous",   "weak_position", "weak_rotation",
-      "one_camera",  "contradicted",  "unexplained", "possible_swap"};
+      "one_camera",  "contradicted",  "unexplained", "possible_swap", "flat_print"};
   std::string text;
   for (size_t i = 0; i < kNames.size(); ++i) {
     if ((degraded_reasons >> i & 1) == 0) continue;

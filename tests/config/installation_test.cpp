@@ -423,6 +423,7 @@ noise_linear = 5
 noise_angular = 6.5
 gate_probability = 0.99
 one_camera_is_degraded = true
+flat_print_is_degraded = false
 [daemon]
 log_level = "warning"
 )");
@@ -470,6 +471,7 @@ log_level = "warning"
   EXPECT_EQ(installation.estimator.noise.angular, 6.5);
   EXPECT_EQ(installation.estimator.gate_probability, 0.99);
   EXPECT_TRUE(installation.estimator.one_camera_is_degraded);
+  EXPECT_FALSE(installation.estimator.flat_print_is_degraded);
   EXPECT_EQ(installation.daemon.log_level, log::Level::kWarning);
 }
 

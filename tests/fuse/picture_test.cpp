@@ -83,5 +83,68 @@ TEST(Pictures, MoreCamerasThatSeeNothingThanSeeItSpeakAgainstIt) {
   EXPECT_NE(estimates.back().state, TrackState::kTracking);
 }
 
+// What each of two cameras shows of the object's print, frame by frame; kNone: nothing at all.
+struct Prints {
+  PrintSeen first = PrintSeen::kNone, second = PrintSeen::kNone;
+};
+
+std::vector<PoseEstimate> run_with(const std::vector<Prints>& prints,
+                                   const EstimatorOptions& options = {}) {
+  RigOptions moving = moving_rig(2);
+  moving.phases = {0, 0};
+  const SyntheticRig rig(moving);
+  auto estimator = make(options);
+  std::vector<PoseEstimate> out;
+  for (const Prints& print : prints) {
+    const auto seen = rig.sets()[out.size()];
+    std::vector<Observation> set(seen.begin(), seen.end());
+    for (Observation& observation : set) {
+      observation.print = observation.camera.index() == 0 ? print.first : print.second;
+      if (observation.print != PrintSeen::kNone) continue;
+      observation.terms.clear();
+      observation.hypotheses.clear();
+    }
+    out.push_back(estimator.process(set).estimate);
+  }
+  return out;
+}
+
+std::vector<Prints> times(size_t count, const Prints& prints) { return {count, prints}; }
+
+std::vector<Prints> operator+(std::vector<Prints> a, const std::vector<Prints>& b) {
+  a.insert(a.end(), b.begin(), b.end());
+  return a;
+}
+
+constexpr Prints kOneFlat{PrintSeen::kFlat, PrintSeen::kNone};
+
+TEST(FlatPrints, OfOneCameraAreDegradedByName) {
+  const auto estimates = run_with(times(12, kOneFlat));
+  for (const PoseEstimate& estimate : estimates) {
+    EXPECT_EQ(estimate.state, TrackState::kDegraded);
+    EXPECT_TRUE(estimate.degraded_reasons & kFlatPrint);
+  }
+  EXPECT_EQ(to_string(estimates.back().degraded_reasons, ","), "flat_print");
+  EstimatorOptions trusting;
+  trusting.flat_print_is_degraded = false;
+  EXPECT_EQ(run_with(times(12, kOneFlat), trusting).back().state, TrackState::kTracking);
+}
+
+TEST(FlatPrints, ThatHaveMovedOrShowAnotherSideAreTheObject) {
+  const auto estimates =
+      run_with(times(6, kOneFlat) + times(1, {PrintSeen::kSolid}) + times(6, kOneFlat));
+  EXPECT_EQ(estimates[5].state, TrackState::kDegraded);
+  for (size_t i = 6; i < 13; ++i) EXPECT_EQ(estimates[i].state, TrackState::kTracking) << i;
+}
+
+TEST(FlatPrints, WhatTwoCamerasHaveTrackedIsTheObject) {
+  const auto estimates =
+      run_with(times(4, {PrintSeen::kFlat, PrintSeen::kFlat}) + times(9, kOneFlat));
+  for (const PoseEstimate& estimate : estimates) {
+    EXPECT_EQ(estimate.degraded_reasons & kFlatPrint, 0);
+  }
+  EXPECT_EQ(estimates.back().state, TrackState::kTracking);
+}
+
 }  // namespace
 }  // namespace sightline

@@ -48,6 +48,7 @@ CellObservation observation() {
   o.hypotheses = {{pose, 3.5}, {Rigid3(), -1}};
   o.symmetric_hypotheses = {{pose, 2}};
   o.picture = PictureAgreement{0.25F, 0.5F};
+  o.print = PrintSeen::kSolid;
   o.refutes = o.doubted = true;
   o.calibration_covariance = spread(1e-6);
   return o;
@@ -105,6 +106,7 @@ TEST(CellWire, ObservationsComeBackExactly) {
   EXPECT_EQ(again->at[0].parts[1].term.gradient, term().gradient);
   EXPECT_EQ(again->hypotheses.size(), 2U);
   EXPECT_EQ(again->picture->missing, 0.5F);
+  EXPECT_EQ(again->print, PrintSeen::kSolid);
   EXPECT_TRUE(again->refutes && again->doubted);
   EXPECT_EQ(again->at[0].parts[1].kind, FrozenKind::kFiducial);
   EXPECT_EQ(again->calibration_covariance, o.calibration_covariance);
@@ -272,6 +274,7 @@ TEST(CellWire, RefusesObservationsThatAreNone) {
       {"too many", [](CellObservation& o) { o.at.resize(17, o.at[0]); }},
       {"too many hypotheses", [](CellObservation& o) { o.hypotheses.resize(65, o.hypotheses[0]); }},
       {"too long", [](CellObservation& o) { o.host.assign(kMostCellBytes, 'a'); }},
+      {"a print that is none", [](CellObservation& o) { o.print = static_cast<PrintSeen>(3); }},
       {"a strange picture", [](CellObservation& o) { o.picture->missing = -1; }}};
   for (const auto& [what, change] : faults) {
     CellObservation o = observation();

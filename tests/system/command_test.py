@@ -156,6 +156,32 @@ class FoundFromNothing(TemporaryFolder):
         self.assertGreaterEqual(self.follow("blur"), 0.75)
 
 
+class PictureOfAnObject(TemporaryFolder):
+    """A poster on the wall of recordings/attic has the very picture that is on one side of the cube, which is not
+    there; one camera sees it."""
+
+    def states(self, estimator):
+        config, poses = self.path("attic.toml"), self.path("poses.csv")
+        cameras = "".join(f'[[camera]]\nname = "{name}"\nsource = "replay:{bundled("attic")}"\n'
+                          for name in ("a0", "a1", "a2"))
+        with open(config, "w", encoding="utf-8") as file:
+            file.write(f'name = "attic"\ncalibration = "{bundled("attic")}/calibration.toml"\n{cameras}'
+                       f'[[object]]\nfile = "{bundled("cube")}/objects/cube.toml"\n[estimator]\n{estimator}')
+        sightline("replay", bundled("attic"), "--config", config, "--search-cost", "0.5", "--poses", poses)
+        with open(poses, encoding="utf-8") as file:
+            states = [row["state"] for row in csv.DictReader(file)]
+        print(f"of {len(states)} rows: {states.count('tracking')} tracking, {states.count('degraded')} degraded")
+        return states
+
+    def test_is_never_claimed(self):
+        states = self.states("")
+        self.assertEqual(states.count("tracking"), 0)
+        self.assertGreater(states.count("degraded"), 0.5 * len(states))
+
+    def test_counts_like_any_print_where_the_installation_says_so(self):
+        self.assertGreater(self.states("flat_print_is_degraded = false\n").count("tracking"), 0)
+
+
 class RollingShutter(TemporaryFolder):
     """recordings/pantry: what moves at up to 1 m/s, its rows exposed within 25 ms."""
 

@@ -44,6 +44,7 @@ struct EstimatorOptions {
   /// its outline little, and one that is lost leaves it well explained.
   double max_sigma_rotation_alone = 0.0218;
   bool one_camera_is_degraded = false;  ///< else one camera is judged by its covariance
+  bool flat_print_is_degraded = true;   ///< see kFlatPrint; else it counts like any print
   int confirm_sets = 2;                 ///< consistent sets of one camera before `tracking`
   int reset_sets = 3;                   ///< consistent contradicting sets before a reset
   int max_hypotheses = 4;               ///< poses followed at the same time, 1..4

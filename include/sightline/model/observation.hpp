@@ -25,6 +25,13 @@ struct PictureAgreement {
   float missing = 0;      ///< of the colors around it, well inside: largest coherent part
 };
 
+/// How an image shows the print of an object's mesh.
+enum class PrintSeen : uint8_t {
+  kNone,  ///< the object has none, or too little of it is in place
+  kFlat,  ///< in one plane, and where it was when it was first seen: a picture of it would do
+  kSolid  ///< on sides that are not in one plane, or it has moved across the image
+};
+
 /// What one camera's frame says of one object: the product of observe, the input of fuse. Never a
 /// image. An observation without terms means "searched and not seen".
 struct Observation {
@@ -44,6 +51,7 @@ struct Observation {
   std::vector<PoseHypothesis> symmetric_hypotheses;
   /// Looked at now and then. Empty: not now, or the image does not tell.
   std::optional<PictureAgreement> picture{};
+  PrintSeen print = PrintSeen::kNone;
   /// Its hypotheses were compared with the pose in force and explain the images better: if that is
   /// another pose, it is given up and the object starts anew from them.
   bool refutes = false;

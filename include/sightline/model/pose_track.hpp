@@ -31,15 +31,16 @@ constexpr bool has_pose(TrackState state) {
 /// Why an object that is measured is `degraded`: bits.
 using DegradedReasons = uint16_t;
 enum DegradedReason : DegradedReasons {
-  kUnconfirmed = 1,    ///< too few measurements have agreed yet
-  kSeveralPoses = 2,   ///< the images fit more than one pose
-  kAmbiguous = 4,      ///< its shape looks alike in other poses, and nothing tells which it is
-  kWeakPosition = 8,   ///< not known well enough in a direction: weak_direction()
-  kWeakRotation = 16,  ///< or about an axis
-  kOneCamera = 32,     ///< one camera alone sees it, and that counts as weak
-  kContradicted = 64,  ///< by the cameras of this set, as many others as hold it, or a check
-  kUnexplained = 128,  ///< the images show more of the object than the pose, or less
-  kPossibleSwap = 256  ///< another object that looks alike was near: it may be that one
+  kUnconfirmed = 1,     ///< too few measurements have agreed yet
+  kSeveralPoses = 2,    ///< the images fit more than one pose
+  kAmbiguous = 4,       ///< its shape looks alike in other poses, and nothing tells which it is
+  kWeakPosition = 8,    ///< not known well enough in a direction: weak_direction()
+  kWeakRotation = 16,   ///< or about an axis
+  kOneCamera = 32,      ///< one camera alone sees it, and that counts as weak
+  kContradicted = 64,   ///< by the cameras of this set, as many others as hold it, or a check
+  kUnexplained = 128,   ///< the images show more of the object than the pose, or less
+  kPossibleSwap = 256,  ///< another object that looks alike was near: it may be that one
+  kFlatPrint = 512      ///< one camera sees its print in one plane, at rest: it may be a picture
 };
 /// "ambiguous", "weak_position", ... in a fixed order, `separator` between them; "" for none.
 std::string to_string(DegradedReasons degraded_reasons, std::string_view separator);

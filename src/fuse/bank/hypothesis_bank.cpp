@@ -37,6 +37,7 @@ BankState HypothesisBank::known(const PoseEstimate& estimate) const {
   hypothesis.confirmations = options_.confirm_sets;
   if ((estimate.degraded_reasons & kAmbiguous) == 0) symmetric_.decide(hypothesis);
   state.count = 1;
+  state.solid = (estimate.degraded_reasons & kFlatPrint) == 0;
   state.published = estimate;
   state.published.object = object_;
   state.published.cameras = 0;

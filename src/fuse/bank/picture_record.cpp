@@ -20,7 +20,7 @@ constexpr float kAbsent = 0.60F, kPresent = 0.53F;
 constexpr int kFewest = 2;  // pictures, or looks, of all cameras together
 
 void forget_pictures(BankState& state) {
-  state.unexplained = state.absent = false;
+  state.unexplained = state.absent = state.flat_print = state.solid = false;
   for (CameraRecord& record : state.cameras) record.picture = record.absence = {};
 }
 
@@ -51,10 +51,13 @@ void record_pictures(Time time, std::span<const Observation> set, const Outcome*
                      BankState& state) {
   if (state.count == 0 || state.started || state.reset) forget_pictures(state);
   for (const Observation& observation : set) {
+    const bool accepted = best != nullptr && (best->accepted & camera_bit(observation.camera)) != 0;
+    state.flat_print |= accepted && observation.print == PrintSeen::kFlat;
+    state.solid |= accepted && observation.print == PrintSeen::kSolid;
     if (observation.calibration_covariance != nullptr) continue;  // it looks at the wrong place
     CameraRecord& record = state.cameras[camera_slot(observation.camera)];
     const auto& picture = observation.picture;
-    if (best != nullptr && (best->accepted & camera_bit(observation.camera)) != 0) {
+    if (accepted) {
       add(time, 0, kSeenGain, record.absence);
       if (!picture) continue;
       add(time, std::min(1.0F, picture->unexplained + picture->missing), kPictureGain,

@@ -50,6 +50,7 @@ DegradedReasons degraded_reasons_of(int holding, const EstimatorOptions& options
       kWeakRotation);
   add(alone && (options.one_camera_is_degraded || (degraded_reasons & kWeakPosition) != 0),
       kOneCamera);
+  add(alone && state.flat_print && !state.solid && options.flat_print_is_degraded, kFlatPrint);
   add(state.unexplained || state.absent, kUnexplained);
   add(contradicted, kContradicted);
   return degraded_reasons;
@@ -97,6 +98,8 @@ void classify(Time time, const Objections& objections, const EstimatorOptions& o
   const int doubts = inside == 0 && !sure ? kUnconfirmed : 0;
   out.degraded_reasons = static_cast<DegradedReasons>(inside | objections.outside | doubts);
   out.state = out.degraded_reasons == 0 ? TrackState::kTracking : TrackState::kDegraded;
+  // Where two cameras see the object no picture is that is larger or smaller.
+  state.solid |= out.state == TrackState::kTracking && holding > 1;
 }
 
 // The filter takes a camera's systematic error for new in every frame and averages it away. What is

@@ -8,7 +8,7 @@
 #include "observe/track/colors/appearance.hpp"
 #include "observe/track/colors/local_colors.hpp"
 #include "observe/track/placed_outline.hpp"
-#include "observe/track/texture_points.hpp"
+#include "observe/track/print/texture_points.hpp"
 #include "sightline/model/pose_track.hpp"
 
 namespace sightline::observe {

@@ -8,9 +8,9 @@
 #include "observe/track/edge_measurement.hpp"
 #include "observe/track/outline_fit.hpp"
 #include "observe/track/placed_outline.hpp"
-#include "observe/track/print_points.hpp"
+#include "observe/track/print/print_points.hpp"
+#include "observe/track/print/texture_measurement.hpp"
 #include "observe/track/region_measurement.hpp"
-#include "observe/track/texture_measurement.hpp"
 
 namespace sightline::observe {
 
@@ -53,6 +53,8 @@ class ModelTracker {
   /// measured.
   const PlacedOutline& outline() const { return outline_; }
 
+  /// Points of the print that the last image shows.
+  std::span<const TexturePoints::Found> print_found() const { return print_measurement_.shown(); }
   /// The print of the sides in sight is not there in the last image: covered, or another object.
   bool print_missing() const;
 

@@ -7,6 +7,7 @@
 
 #include "observe/track/learned_appearance.hpp"
 #include "observe/track/model_tracker.hpp"
+#include "observe/track/print/flat_print.hpp"
 #include "observe/track/second_look.hpp"
 #include "observe/track/silhouettes/picture_check.hpp"
 #include "observe/track/symmetry/symmetric_evidence.hpp"
@@ -105,7 +106,8 @@ class ObjectTracker::Impl {
     Time compared{};                                 ///< silhouettes and colors, last
     std::unique_ptr<observe::PictureCheck> picture;  ///< null: without silhouettes
     Time checked{};                                  ///< the picture, last
-    std::optional<FoundView> found;                  ///< not made use of yet
+    observe::FlatPrint flat_print;
+    std::optional<FoundView> found;  ///< not made use of yet
     TrackResult last;
   };
 
@@ -249,6 +251,11 @@ void ObjectTracker::Impl::track(State& state, const Frame& frame, const PoseAt& 
   if (!state.last.seen) {
     appearance.note_missed(at.estimate);
     return;
+  }
+  if (state.last.by_print) {
+    out.print =
+        state.flat_print.judge(frame.info().capture, measured.fitted, state.tracker.print_found(),
+                               2 * state.object.views->radius(), camera_.camera_from_world);
   }
   const observe::PlacedOutline& outline = state.tracker.outline();
   const bool weak = at.estimate.own_sigma_rotation() > kWeakTurn;

@@ -126,6 +126,8 @@ Status read_measurement(const wire::Observation& in, CellObservation& out) {
       return refuse("has a picture's share that is none");
     }
   }
+  if (in.print() > static_cast<uint32_t>(PrintSeen::kSolid)) return refuse("has no such print");
+  out.print = static_cast<PrintSeen>(in.print());
   if (in.calibration_covariance_size() != 0) {
     Matrix6& covariance = out.calibration_covariance.emplace();
     if (!read<6>(in.calibration_covariance(), covariance)) {
@@ -178,6 +180,7 @@ std::string encode(const CellObservation& observation) {
     out.mutable_picture()->set_unexplained(observation.picture->unexplained);
     out.mutable_picture()->set_missing(observation.picture->missing);
   }
+  out.set_print(static_cast<uint32_t>(observation.print));
   out.set_refutes(observation.refutes);
   out.set_doubted(observation.doubted);
   if (observation.calibration_covariance) {

@@ -145,6 +145,7 @@ std::optional<CellObservation> freeze(const Observation& observation, const Pose
   out.hypotheses = observation.hypotheses;
   out.symmetric_hypotheses = observation.symmetric_hypotheses;
   out.picture = observation.picture;
+  out.print = observation.print;
   out.refutes = observation.refutes;
   if (observation.calibration_covariance) {
     out.calibration_covariance = *observation.calibration_covariance;
@@ -180,6 +181,7 @@ Observation thaw(CellObservation observation, ObjectId object, CameraId camera, 
   out.hypotheses = std::move(observation.hypotheses);
   out.symmetric_hypotheses = std::move(observation.symmetric_hypotheses);
   out.picture = observation.picture;
+  out.print = observation.print;
   out.refutes = observation.refutes;
   if (observation.calibration_covariance) {
     out.calibration_covariance =

@@ -43,6 +43,7 @@ struct CellObservation {
   std::vector<FrozenAt> at;
   std::vector<PoseHypothesis> hypotheses, symmetric_hypotheses;
   std::optional<PictureAgreement> picture{};
+  PrintSeen print = PrintSeen::kNone;
   bool refutes = false;
   bool doubted = false;  ///< the sender's search doubts the pose in force
   std::optional<Matrix6> calibration_covariance{};  ///< of Observation

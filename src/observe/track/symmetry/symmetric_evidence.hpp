@@ -4,9 +4,9 @@
 #include <vector>
 
 #include "observe/track/contour_lines.hpp"
+#include "observe/track/print/texture_points.hpp"
 #include "observe/track/silhouettes/silhouette_comparison.hpp"
 #include "observe/track/symmetry/color_comparison.hpp"
-#include "observe/track/texture_points.hpp"
 #include "observe/track/tracker_camera.hpp"
 #include "sightline/model/observation.hpp"
 

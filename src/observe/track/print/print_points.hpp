@@ -4,7 +4,7 @@
 #include <memory>
 #include <vector>
 
-#include "observe/track/texture_points.hpp"
+#include "observe/track/print/texture_points.hpp"
 
 namespace sightline::observe {
 

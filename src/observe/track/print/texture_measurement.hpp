@@ -6,7 +6,7 @@
 
 #include "observe/track/line_fit.hpp"
 #include "observe/track/placed_outline.hpp"
-#include "observe/track/texture_points.hpp"
+#include "observe/track/print/texture_points.hpp"
 
 namespace sightline::observe {
 
@@ -30,6 +30,7 @@ class TextureMeasurement {
                       const PlacedOutline* moving = nullptr);
   /// Points that the last image showed, agreeing or not.
   size_t found() const { return found_.size(); }
+  std::span<const TexturePoints::Found> shown() const { return found_; }
   /// The pose of the last term, with the prior.
   const Rigid3& pose() const { return pose_; }
 

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "observe/track/contour_lines.hpp"
@@ -80,11 +81,15 @@ class TexturePoints {
              Eigen::Vector2d& pixel) const;
   bool make_point(const Candidate& candidate, const DepthTile& depth,
                   const Rigid3& object_from_camera, Point& point) const;
-  bool crowded(const Eigen::Vector2d& pixel) const;
+  bool crowded(const Eigen::Vector2d& pixel, double spacing) const;
   /// The strongest corners of a box inside the image, into candidates_. With `surface`, a depth
   /// tile that the image lies on, only where a whole patch is on the surface.
   void find_corners(const PlaneView& gray, int left, int top, int right, int bottom,
                     const DepthTile* surface, size_t max);
+  /// The strongest of strengths_, `spacing` [px] and more apart. Of the image `gray`, whose corner
+  /// `origin` [px] is, the first of strengths_ is at `first`.
+  void pick(const PlaneView& gray, const Eigen::Vector2i& first, const Eigen::Vector2i& origin,
+            int columns, size_t max, double spacing);
   void make_points(const DepthTile& depth, const Rigid3& camera_from_object);
 
   const CameraModel& camera_;
@@ -94,6 +99,7 @@ class TexturePoints {
   std::vector<Candidate> candidates_;
   std::vector<Found> found_;
   std::vector<float> strengths_;
+  std::vector<std::pair<int, float>> crowded_;  ///< too near to others: of strengths_, by index
   size_t tried_ = 0;
   int rest_ = 0;   ///< frames until candidates are searched again
   int pause_ = 1;  ///< and for how many after that: grows while the object shows no texture

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "observe/track/texture_points.hpp"
+#include "observe/track/print/texture_points.hpp"
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -144,15 +144,12 @@ void TexturePoints::find(const PlaneView& gray, const Rigid3& camera_from_object
   std::erase_if(points_, [](const Point& point) { return point.misses > kMaxMisses; });
 }
 
-bool TexturePoints::crowded(const Eigen::Vector2d& pixel) const {
+bool TexturePoints::crowded(const Eigen::Vector2d& pixel, double spacing) const {
   for (const Found& other : found_) {
-    if ((other.pixel - pixel).squaredNorm() < kPointSpacingPx * kPointSpacingPx) return true;
+    if ((other.pixel - pixel).squaredNorm() < spacing * spacing) return true;
   }
   for (const Candidate& other : candidates_) {
-    if ((Eigen::Vector2d(other.x, other.y) - pixel).squaredNorm() <
-        kPointSpacingPx * kPointSpacingPx) {
-      return true;
-    }
+    if ((Eigen::Vector2d(other.x, other.y) - pixel).squaredNorm() < spacing * spacing) return true;
   }
   return false;
 }
@@ -197,25 +194,44 @@ void TexturePoints::find_corners(const PlaneView& gray, int left, int top, int r
   const auto strength = [&](int i, int j) -> float& {
     return strengths_[static_cast<size_t>(j * columns + i)];
   };
+  size_t places = 0;
   for (int j = 0; j < rows; ++j) {
     for (int i = 0; i < columns; ++i) {
       const int x = left + i * kCornerGrid, y = top + j * kCornerGrid;
       if (surface != nullptr && !on_surface(*surface, x, y)) continue;
+      ++places;
       strength(i, j) = corner_strength(gray, x, y);
     }
   }
-  // The strongest of the grid first, as long as they keep their distance.
+  // The strongest of the grid first, as long as they keep their distance. Where a print is strong
+  // on one side all of them would lie there, and that side alone says little of the tilt: so of a
+  // whole surface first as far apart as covers it (in the manner of Brown, Szeliski and Winder,
+  // Multi-image matching using multi-scale oriented patches, CVPR 2005).
+  const double even =
+      kCornerGrid * std::sqrt(static_cast<double>(places) / static_cast<double>(max));
+  if (surface != nullptr && even > kPointSpacingPx)
+    pick(gray, {left, top}, {origin_x, origin_y}, columns, max, even);
+  pick(gray, {left, top}, {origin_x, origin_y}, columns, max, kPointSpacingPx);
+}
+
+void TexturePoints::pick(const PlaneView& gray, const Eigen::Vector2i& first,
+                         const Eigen::Vector2i& origin, int columns, size_t max, double spacing) {
+  crowded_.clear();
   while (candidates_.size() < max) {
     const auto best = std::max_element(strengths_.begin(), strengths_.end());
     if (*best < limits_.corner_strength) break;
     const int at = static_cast<int>(best - strengths_.begin());
-    const int x = left + at % columns * kCornerGrid, y = top + at / columns * kCornerGrid;
+    const int x = first.x() + at % columns * kCornerGrid,
+              y = first.y() + at / columns * kCornerGrid;
     const float value = *best;
     *best = 0;
-    if (crowded(Eigen::Vector2d(origin_x + x, origin_y + y))) continue;
+    if (crowded(Eigen::Vector2d(origin.x() + x, origin.y() + y), spacing)) {
+      crowded_.emplace_back(at, value);
+      continue;
+    }
     Candidate& candidate = candidates_.emplace_back();
-    candidate.x = origin_x + x;
-    candidate.y = origin_y + y;
+    candidate.x = origin.x() + x;
+    candidate.y = origin.y() + y;
     candidate.strength = value;
     size_t i = 0;
     for (int v = -kRadius; v <= kRadius; ++v) {
@@ -224,6 +240,7 @@ void TexturePoints::find_corners(const PlaneView& gray, int left, int top, int r
       }
     }
   }
+  for (const auto& [at, value] : crowded_) strengths_[static_cast<size_t>(at)] = value;
 }
 
 // The whole patch has to lie on one smooth piece of surface that is seen well enough.

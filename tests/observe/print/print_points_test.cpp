@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // A print in the image: from how far it is reached, and which of several starts counts.
-#include "observe/track/print_points.hpp"
+#include "observe/track/print/print_points.hpp"
 
 #include <gtest/gtest.h>
 
 #include <array>
 #include <cmath>
 
-#include "observe/track/texture_measurement.hpp"
+#include "observe/track/print/texture_measurement.hpp"
 #include "observe/track/track_constants.hpp"
 #include "support/lens_camera.hpp"
 #include "support/value_noise.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "observe/track/print_points.hpp"
+#include "observe/track/print/print_points.hpp"
 
 #include <cmath>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "observe/track/texture_measurement.hpp"
+#include "observe/track/print/texture_measurement.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -47,17 +47,21 @@ void TextureMeasurement::find(const PlaneView& gray, const PosePrior& prior,
   bool first = true;
   for (const Rigid3& start : starts) {
     Rigid3 at = start;
+    bool enough = false;
     for (int round = 0; round < rules_.rounds; ++round) {
       // What is missed counts once.
       points.find(gray, camera_.camera_from_world * at, occluders, ambiguous || !first);
       first = false;
       const auto& found = points.found();
-      if (found.size() <= found_.size()) break;
+      if (found.size() < found_.size() || (found.size() == found_.size() && !enough)) break;
       found_.assign(found.begin(), found.end());
       at_ = at;
-      if (found_.size() >= kTexturedPoints && 10 * found_.size() >= kMostPoints * points.tried()) {
-        return;
-      }
+      // Where it took rounds to get there what is farthest off may have been found at places that
+      // look alike: it is looked at once more from where all of them lead.
+      const bool once_more = round > 0 && !enough;
+      enough =
+          found_.size() >= kTexturedPoints && 10 * found_.size() >= kMostPoints * points.tried();
+      if (enough && !once_more) return;
       if (round + 1 == rules_.rounds || found_.size() < kLeadingPoints || !linearize()) break;
       at = at_ * Rigid3::exp(fit_lines(residuals_, prior.information, prior.offset_of(at_),
                                        camera_.options.huber));
