@@ -40,7 +40,7 @@ struct CaptureCommandOptions {
   std::string reference;
   int window = 0;
   size_t most = 200;
-  bool moving = false, bend = false, resume = false, json = false;
+  bool moving = false, readouts = false, bend = false, resume = false, json = false;
   bool corners_only = false, page = false;
   std::optional<uint16_t> page_port;
   std::optional<double> seconds;
@@ -108,6 +108,7 @@ Result<CaptureSessionOptions> session_options(const CaptureCommandOptions& o,
   SL_ASSIGN(options.solve.reference, reference_camera(cameras, o.reference));
   options.solve.bend = o.bend;
   options.solve.time_offsets = options.guide.moving = o.moving;
+  options.solve.readouts = o.readouts;
   std::error_code ignored;
   if (o.resume && fs::exists(o.out / "corners.csv", ignored)) {
     SL_ASSIGN(const std::string text, read_file(o.out / "corners.csv"));
@@ -267,9 +268,15 @@ void add_calibrate_capture(CLI::App& parent, Command& chosen) {
                       "capture.html and coverage_CAMERA.svg (default: calibration)");
   command->add_option("--camera", options->cameras, "takes part (default: all); may be repeated")
       ->allow_extra_args(false);
-  command->add_flag("--moving", options->moving,
-                    "the target need not be held still: the time offsets of the cameras are "
-                    "solved for, too");
+  auto* moving =
+      command->add_flag("--moving", options->moving,
+                        "the target need not be held still: the time offsets of the cameras are "
+                        "solved for, too");
+  command
+      ->add_flag("--readouts", options->readouts,
+                 "rows of cameras may be exposed one after the other (rolling shutter): solve for "
+                 "how long that takes, too")
+      ->needs(moving);
   command->add_flag("--resume", options->resume, "goes on with the sets in the folder");
   command
       ->add_option("--model", options->models,

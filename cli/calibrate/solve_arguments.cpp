@@ -161,6 +161,7 @@ Result<std::vector<CameraPrior>> parse_priors(const CalibrationViews& views,
     const CalibratedCamera* camera = find_camera(cameras, views.cameras[c].name);
     if (camera == nullptr) continue;
     priors[c].known = camera->model;
+    priors[c].readout_s = camera->readout_s;
     ++taken;
   }
   if (taken > 0) return priors;

@@ -87,6 +87,10 @@ void add_calibrate_solve(CLI::App& parent, Command& chosen) {
   command->add_flag("--bend", options->solve.bend, "the target may be bent: solve for that, too");
   command->add_flag("--time-offsets", options->solve.time_offsets,
                     "the stamps of cameras may be late: solve for that, too (moving target)");
+  command->add_flag(
+      "--readouts", options->solve.readouts,
+      "rows of cameras may be exposed one after the other (rolling shutter): solve for "
+      "how long that takes (moving target)");
   command->add_option("--huber", options->solve.huber_px,
                       "robust loss beyond so many pixels (default: none)");
   command->add_option("--reject", options->solve.reject_sigmas,

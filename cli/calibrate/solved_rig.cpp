@@ -19,8 +19,8 @@ void print(const RigSolution& solution, const RigReport& report) {
     fmt::print("lengths on the target: {:.3f} mm RMS ({:.3f} mm of neighbors), scale {:.5f}\n",
                report.rigidity->rms_mm, report.rigidity->adjacent_mm, report.rigidity->scale);
   }
-  fmt::print("{:<12} {:>6} {:>9} {:>9} {:>9} {:>8} {:>9} {:>9}\n", "camera", "views", "fit px",
-             "held px", "half mm", "half deg", "half px", "offset ms");
+  fmt::print("{:<12} {:>6} {:>9} {:>9} {:>9} {:>8} {:>9} {:>9} {:>10}\n", "camera", "views",
+             "fit px", "held px", "half mm", "half deg", "half px", "offset ms", "readout ms");
   const auto text = [](const std::optional<double>& value) {
     return value ? fmt::format("{:.3f}", *value) : std::string("-");
   };
@@ -30,10 +30,10 @@ void print(const RigSolution& solution, const RigReport& report) {
     const auto half = [&](double SplitHalf::*member) {
       return r.split_half ? std::optional<double>((*r.split_half).*member) : std::nullopt;
     };
-    fmt::print("{:<12} {:>6} {:>9.3f} {:>9} {:>9} {:>8} {:>9} {:>9.1f}\n", r.name, s.views,
-               s.camera.rms_px, text(r.held_out_px), text(half(&SplitHalf::center_mm)),
+    fmt::print("{:<12} {:>6} {:>9.3f} {:>9} {:>9} {:>8} {:>9} {:>9.1f} {:>10.1f}\n", r.name,
+               s.views, s.camera.rms_px, text(r.held_out_px), text(half(&SplitHalf::center_mm)),
                text(half(&SplitHalf::rotation_deg)), text(half(&SplitHalf::median_px)),
-               1e3 * s.time_offset_s);
+               1e3 * s.time_offset_s, 1e3 * s.camera.readout_s);
   }
   for (const CameraReport& r : report.cameras) {
     for (const std::string& remark : r.remarks) fmt::print("{}: {}\n", r.name, remark);

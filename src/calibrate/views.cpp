@@ -57,7 +57,7 @@ Status check_view(const CalibrationViews& all, const TargetView& view) {
                     all.target.corner_count(), all.target.describe());
     }
     if (!ids.insert(c.id).second) return refuse(place(all, view), "corner {} is there twice", c.id);
-    if (!c.pixel.allFinite() || !c.px_per_s.allFinite()) {
+    if (!c.pixel.allFinite() || !c.px_per_s.allFinite() || !c.px_per_s2.allFinite()) {
       return refuse(place(all, view), "corner {} is not a finite number (NaN or infinite)", c.id);
     }
     if (c.pixel.x() < -0.5 || c.pixel.y() < -0.5 || c.pixel.x() > camera.width - 0.5 ||

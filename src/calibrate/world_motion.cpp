@@ -9,6 +9,7 @@
 #include <map>
 #include <numbers>
 
+#include "calibrate/solve/corner_at_set.hpp"
 #include "calibrate/solve/target_pose.hpp"
 #include "sightline/calibrate/place_world.hpp"
 #include "sightline/geometry/triangulation.hpp"
@@ -44,8 +45,12 @@ std::vector<std::vector<Sight>> sights_by_set(const CalibrationViews& views,
         std::ranges::find(cameras, views.cameras[view.camera].name, &CalibratedCamera::name);
     if (camera == cameras.end()) continue;
     Sight sight{&*camera, view};
-    const double delay = view.delay_s + camera->time_offset_s;
-    for (TargetCorner& corner : sight.view.corners) corner.pixel -= corner.px_per_s * delay;
+    LensVector lens{};
+    lens[kTimeOffset] = camera->time_offset_s;
+    lens[kReadout] = camera->readout_s;
+    for (TargetCorner& corner : sight.view.corners) {
+      corner.pixel = corner_at_set(view, corner, lens.data(), camera->model.height()).pixel;
+    }
     // The first of several targets is the one that is moved.
     std::erase_if(sight.view.corners, [&](const TargetCorner& corner) {
       return corner.id >= views.target.own_corner_count();

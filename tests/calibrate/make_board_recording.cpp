@@ -11,6 +11,7 @@
 #include "sightline/base/files.hpp"
 #include "sightline/calibrate/calibration_file.hpp"
 #include "sightline/calibrate/target_file.hpp"
+#include "sightline/geometry/rolling_shutter.hpp"
 #include "sightline/record/writer.hpp"
 #include "simulated_user.hpp"
 
@@ -23,7 +24,7 @@ struct Choice {
   std::string out;
   bool flat = false, floor = false, wall = false, moving = false;
   size_t poses = 60, cameras = 2;
-  double rate = 12, held = 0.75;
+  double rate = 12, held = 0.75, readout = 0;
   int width = 640;
 };
 
@@ -49,6 +50,7 @@ SyntheticRig make_small_rig(const Choice& choice) {
     p.cx = (p.cx + 0.5) * scale - 0.5;
     p.cy = (p.height - 1) / 2.0 + 3;
     rig.truth[c].model = *CameraModel::create(p, "test");
+    rig.truth[c].readout_s = (c % 2 == 1 ? 1 : -0.5) * (choice.moving ? choice.readout : 0);
     rig.truth[c].name = c == 0 ? "left" : c == 1 ? "right" : "cam" + std::to_string(c);
     rig.views.cameras[c] = {rig.truth[c].name, p.width, p.height, 0};
   }
@@ -103,10 +105,12 @@ class Recorder {
     for (int step = 0; shown_ && step < kMovingSteps; ++step) {
       std::vector<std::vector<uint8_t>> images;
       for (size_t c = 0; c < eyes_.size(); ++c) {
-        const double s =
-            (step + static_cast<double>(c) / static_cast<double>(eyes_.size())) / kMovingSteps;
-        images.push_back(eyes_[c].shoot(
-            std::vector<PlacedPrint>{{&print_, before * Rigid3::exp(way * s * s * (3 - 2 * s))}}));
+        const double frame = step + static_cast<double>(c) / static_cast<double>(eyes_.size());
+        images.push_back(eyes_[c].shoot_rows(print_, [&](int row) {
+          const double later = row_delay_s(rig_.truth[c], row) * choice_.rate;
+          const double s = std::clamp((frame + later) / kMovingSteps, 0.0, 1.0);
+          return before * Rigid3::exp(way * s * s * (3 - 2 * s));
+        }));
       }
       SL_RETURN_IF_ERROR(append(images));
     }
@@ -206,6 +210,8 @@ int main(int argc, char** argv) {
   app.add_flag("--flat", choice.flat, "never tilts it");
   app.add_flag("--wall", choice.wall, "tags stand behind it, fixed (wall.toml); cameras in step");
   app.add_flag("--moving", choice.moving, "is never held still");
+  app.add_option("--readout", choice.readout,
+                 "--moving: the last row is exposed so much after the first [s]");
   app.add_flag("--floor", choice.floor, "lies on the floor all the time");
   app.add_option("--poses", choice.poses, "at most");
   app.add_option("--cameras", choice.cameras, "how many")->check(CLI::Range(1, 3));

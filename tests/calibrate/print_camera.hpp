@@ -89,33 +89,54 @@ class Photographer {
   /// From elsewhere.
   std::vector<uint8_t> shoot(const std::vector<PlacedPrint>& prints,
                              const Rigid3& world_from_camera) const {
-    constexpr int kWall = 120;
     std::vector<float> sums(rays_.size() / kRays, 0);
-    std::vector<char> free(rays_.size(), 1);
+    add_light(prints, world_from_camera, 0, rays_.size(), sums);
+    return developed(sums);
+  }
+  /// A print that is elsewhere for each row (rolling shutter): pose_at(row) is world_from_target.
+  template <typename PoseAt>
+  std::vector<uint8_t> shoot_rows(const Print& print, const PoseAt& pose_at) const {
+    std::vector<float> sums(rays_.size() / kRays, 0);
+    const size_t in_row = rays_.size() / static_cast<size_t>(camera_.model.height());
+    for (int row = 0; row < camera_.model.height(); ++row) {
+      const size_t first = static_cast<size_t>(row) * in_row;
+      add_light({{&print, pose_at(row)}}, camera_.world_from_camera, first, first + in_row, sums);
+    }
+    return developed(sums);
+  }
+
+ private:
+  static constexpr size_t kRays = 9;
+
+  /// Of the rays from `first` up to `end`.
+  void add_light(const std::vector<PlacedPrint>& prints, const Rigid3& world_from_camera,
+                 size_t first, size_t end, std::vector<float>& sums) const {
+    constexpr int kWall = 120;
+    std::vector<char> free(end - first, 1);
     for (const PlacedPrint& placed : prints) {
       const Rigid3 target_from_camera = placed.world_from_target.inverse() * world_from_camera;
       const Eigen::Matrix3f turn = target_from_camera.rotation.toRotationMatrix().cast<float>();
       const Eigen::Vector3f from = target_from_camera.translation.cast<float>();
-      for (size_t i = 0; i < rays_.size(); ++i) {
-        if (!free[i]) continue;
+      for (size_t i = first; i < end; ++i) {
+        if (!free[i - first]) continue;
         const int level = placed.print->seen(from, turn * rays_[i]);
         if (level < 0) continue;
-        free[i] = 0;
+        free[i - first] = 0;
         sums[i / kRays] += light_[static_cast<size_t>(level)];
       }
     }
+    for (size_t i = first; i < end; ++i)
+      if (free[i - first]) sums[i / kRays] += light_[kWall];
+  }
+
+  std::vector<uint8_t> developed(const std::vector<float>& sums) const {
     std::vector<uint8_t> image;
-    for (size_t i = 0; i < rays_.size(); ++i)
-      if (free[i]) sums[i / kRays] += light_[kWall];
     for (const float sum : sums) {
       const double light = std::min(1.0, static_cast<double>(sum) / kRays);
       image.push_back(static_cast<uint8_t>(255 * std::pow(light, 1 / gamma_) + 1e-4));
     }
     return image;
   }
-
- private:
-  static constexpr size_t kRays = 9;
 
   const CalibratedCamera& camera_;
   const double gamma_;

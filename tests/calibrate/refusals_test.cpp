@@ -179,10 +179,24 @@ TEST(ViewsFile, RoundTrip) {
 
 TEST(ViewsFile, NamesFileAndLine) {
   const std::string text = format_views(good().views);
-  EXPECT_THAT(parse_views(text + "0,nobody,0,1,2,3,0,0\n", "corners.csv"),
+  EXPECT_THAT(parse_views(text + "0,nobody,0,1,2,3,0,0,0,0\n", "corners.csv"),
               FailsWith("no camera 'nobody'"));
   EXPECT_THAT(parse_views(text + "0,cam0,0,1,2\n", "corners.csv"), FailsWith("corners.csv:"));
+  EXPECT_THAT(parse_views(text + "0,cam0,0,1,2,3,0,0\n", "corners.csv"),
+              FailsWith("du,dv,ddu,ddv"));
   EXPECT_THAT(parse_views("x,y\n1,2\n", "corners.csv"), FailsWith("corners.csv:1: not a file of"));
+}
+
+TEST(ViewsFile, OfEarlierVersionsSaysNothingOfAccelerations) {
+  const SyntheticRig rig = make_rig({.cameras = 2, .sets = 3, .speed = 0.4});
+  std::string text = format_views(rig.views);
+  text.replace(text.find(",ddu,ddv"), 8, "");
+  for (size_t at = text.find(",0,0\n"); at != std::string::npos; at = text.find(",0,0\n", at)) {
+    text.erase(at, 4);
+  }
+  const auto views = parse_views(text, "corners.csv");
+  ASSERT_THAT(views, IsOk());
+  EXPECT_EQ(format_views(*views), format_views(rig.views));
 }
 
 TEST(TargetFile, APlaceInTheWorldIsOfWhatIsFixed) {

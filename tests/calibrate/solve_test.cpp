@@ -7,6 +7,7 @@
 
 #include "../support/matchers.hpp"
 #include "calibrate/solve/bundle.hpp"
+#include "calibrate/solve/corner_at_set.hpp"
 #include "calibrate/solve/lens_projection.hpp"
 #include "sightline/calibrate/assess.hpp"
 #include "sightline/calibrate/calibration_file.hpp"
@@ -26,7 +27,7 @@ std::vector<double> normalized_errors(const SyntheticRig& rig, const RigSolution
     const SolvedCamera& solved = solution.cameras[c];
     const calibrate::LensVector truth = calibrate::lens_vector(rig.truth[c].model);
     for (size_t i = 0; i < solved.estimates.size(); ++i) {
-      if (solved.lens_columns[i] == calibrate::kTimeOffset) continue;
+      if (solved.lens_columns[i] >= calibrate::kTimeOffset) continue;
       const double error =
           solved.estimates[i].value - truth[static_cast<size_t>(solved.lens_columns[i])];
       z.push_back(error / solved.estimates[i].sigma);
@@ -196,6 +197,76 @@ TEST(SolveRig, FindsLateStamps) {
   EXPECT_LT(timed->rms_px, 0.3);  // of noise of 0.2 px in each coordinate
   EXPECT_NEAR(timed->cameras[1].time_offset_s, 0.03, 0.002);
   EXPECT_EQ(timed->cameras[0].time_offset_s, 0);
+}
+
+// Places of the corners, and how fast they move there, are those of rows that were exposed one
+// after the other; the target moves and turns.
+TEST(SolveRig, FindsTheReadoutOfRollingShutters) {
+  const SyntheticRig rig = make_rig(
+      {.cameras = 3, .sets = 60, .offset_s = 0.012, .speed = 0.4, .turn = 0.8, .readout_s = 0.028});
+  SolveOptions options;
+  options.reject_sigmas = 0;
+  options.time_offsets = true;
+  const auto global = solve_rig(rig.views, options);
+  ASSERT_THAT(global, IsOk());
+  options.readouts = true;
+  const auto rolling = solve_rig(rig.views, options);
+  ASSERT_THAT(rolling, IsOk());
+  EXPECT_GT(global->rms_px, 2 * rolling->rms_px);
+  EXPECT_LT(rolling->rms_px, 0.3);  // of noise of 0.2 px in each coordinate
+  expect_honest(rig, *rolling);
+  for (size_t c = 0; c < 3; ++c) {
+    const ParameterEstimate& readout = rolling->cameras[c].estimates.back();
+    EXPECT_EQ(readout.name, "readout_s");
+    EXPECT_EQ(readout.value, rolling->cameras[c].camera.readout_s);
+    EXPECT_LT(readout.sigma, 0.001);
+    EXPECT_NEAR(readout.value, rig.truth[c].readout_s, 4 * readout.sigma) << c;
+  }
+  EXPECT_NEAR(rolling->cameras[1].time_offset_s, 0.012, 0.001);
+  EXPECT_THAT(format_solution(*rolling, "2026-11-30", ""), testing::HasSubstr("readout_s = 0.02"));
+}
+
+TEST(SolveRig, HoldsAKnownReadout) {
+  const SyntheticRig rig =
+      make_rig({.cameras = 2, .sets = 40, .speed = 0.4, .turn = 0.8, .readout_s = 0.028});
+  SolveOptions options;
+  options.cameras = {{.known = {}, .readout_s = -0.014}, {.known = {}, .readout_s = 0.028}};
+  const auto known = solve_rig(rig.views, options);
+  ASSERT_THAT(known, IsOk());
+  EXPECT_LT(known->rms_px, 0.3);
+  EXPECT_EQ(known->cameras[1].camera.readout_s, 0.028);
+  expect_honest(rig, *known);
+}
+
+TEST(SolveRig, NothingTellsTheReadoutOfATargetThatStandsStill) {
+  SolveOptions options;
+  options.readouts = true;
+  const SyntheticRig still = make_rig({.cameras = 2, .sets = 30, .readout_s = 0.028});
+  EXPECT_THAT(solve_rig(still.views, options), test::FailsWith("read-outs: for these in motion"));
+}
+
+TEST(CornerAtSet, IsWhereItWasWithTheNumericDerivatives) {
+  const TargetView view{0, 0, 0.004, {}, ""};
+  const TargetCorner corner{0, {410, 630}, {-300, 500}, {900, -4000}};
+  calibrate::LensVector values{};
+  values[calibrate::kTimeOffset] = 0.007;
+  const Eigen::Vector2d straight = corner.pixel - 0.011 * corner.px_per_s;
+  const auto still = calibrate::corner_at_set(view, corner, values.data(), 0).pixel;
+  EXPECT_LT((still - straight - 0.5 * 0.011 * 0.011 * corner.px_per_s2).norm(), 1e-9);
+  values[calibrate::kReadout] = 0.03;
+  const auto at = calibrate::corner_at_set(view, corner, values.data(), 720);
+  for (const int parameter : {calibrate::kTimeOffset, calibrate::kReadout}) {
+    const auto p = static_cast<size_t>(parameter);
+    const double step = 1e-6;
+    calibrate::LensVector more = values, less = values;
+    more[p] += step;
+    less[p] -= step;
+    const Eigen::Vector2d slope = (calibrate::corner_at_set(view, corner, more.data(), 720).pixel -
+                                   calibrate::corner_at_set(view, corner, less.data(), 720).pixel) /
+                                  (2 * step);
+    const auto& exact = parameter == calibrate::kReadout ? at.by_readout : at.by_offset;
+    EXPECT_LT((exact - slope).norm(), 1e-5 * slope.norm());
+  }
 }
 
 TEST(SolveRig, LeavesOutWrongCorners) {

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "sightline/geometry/rolling_shutter.hpp"
+
 namespace sightline::test {
 namespace {
 
@@ -122,6 +124,7 @@ SyntheticRig make_rig(const SyntheticRigOptions& options) {
     const Eigen::Vector3d at = place(static_cast<double>(c));
     const Rigid3 pose = look(at + 0.05 * random.normal<3>(), 0.05 * random.normal<3>());
     rig.truth.push_back({name, lens(options, random), pose, 0});
+    rig.truth.back().readout_s = (c % 2 == 1 ? 1.0 : -0.5) * options.readout_s;
     rig.views.cameras.push_back({name, kWidth, kHeight, options.sets});
   }
   const Eigen::Vector2d half = rig.views.target.size() / 2;
@@ -141,6 +144,9 @@ SyntheticRig make_rig(const SyntheticRigOptions& options) {
     const Rigid3 eye_from_target(turned, at - turned * Eigen::Vector3d(half.x(), half.y(), 0));
     const Rigid3 world_from_target = eye * eye_from_target;
     const Eigen::Vector3d velocity = options.speed * random.normal<3>().normalized();
+    const Eigen::Vector3d spinning =
+        options.turn == 0 ? Eigen::Vector3d::Zero()
+                          : Eigen::Vector3d(options.turn * random.normal<3>().normalized());
     for (size_t c = 0; c < options.cameras; ++c) {
       const bool shown = c == set % options.cameras || c == (set + 1) % options.cameras;
       if (options.two_at_a_time && !shown) continue;
@@ -157,13 +163,24 @@ SyntheticRig make_rig(const SyntheticRigOptions& options) {
         const Eigen::Vector2d p = rig.views.target.corner(id);
         const double u = p.x() / half.x() - 1, v = p.y() / half.y() - 1;
         const double z = options.bend.x() * (1 - u * u) + options.bend.y() * (1 - v * v);
+        const Eigen::Vector3d middle(half.x(), half.y(), 0),
+            from_middle(p.x() - half.x(), p.y() - half.y(), z);
         const auto project = [&](double time) {
+          const Rigid3 spun = Rigid3::exp((Vector6() << spinning * time, 0, 0, 0).finished());
           return camera.model.project(
               camera_from_world *
-              (world_from_target * Eigen::Vector3d(p.x(), p.y(), z) + velocity * time));
+              (world_from_target * (middle + spun * from_middle) + velocity * time));
         };
-        const auto pixel = project(late), before = project(late - 0.01),
-                   after = project(late + 0.01);
+        // A row is exposed when it is read; which row that is depends on when.
+        const auto exposed = [&](double time) {
+          auto pixel = project(time);
+          for (int i = 0; pixel && camera.readout_s != 0 && i < 5; ++i) {
+            pixel = project(time + row_delay_s(camera, pixel->y()));
+          }
+          return pixel;
+        };
+        const auto pixel = exposed(late), before = exposed(late - 0.01),
+                   after = exposed(late + 0.01);
         if (!pixel || !before || !after || !camera.model.contains(*pixel)) continue;
         const Eigen::Vector2d noisy = *pixel + options.noise_px * random.normal<2>();
         if (!camera.model.contains(noisy)) continue;

@@ -22,6 +22,8 @@ struct SyntheticRigOptions {
   double nearest = 0.7, farthest = 1.5;  ///< [m]
   double offset_s = 0;                   ///< of every camera but the first
   double speed = 0;                      ///< of the target [m/s]
+  double turn = 0;                       ///< about its middle [rad/s]
+  double readout_s = 0;                  ///< of every second camera; of the others half, reversed
   /// Faces of a pillar in the middle, each a fixed grid of tags that cameras within 60 degrees see.
   size_t pillar = 0;
   bool two_at_a_time = false;  ///< nobody sees a set but the two cameras that it is shown to

@@ -16,6 +16,7 @@ namespace sightline {
 struct CameraPrior {
   LensModel lens = LensModel::kBrownConrady;
   std::optional<CameraModel> known;  ///< the lens is held as it is
+  double readout_s = 0;              ///< CalibratedCamera::readout_s: where it starts, or is held
 };
 
 struct SolveOptions {
@@ -23,6 +24,7 @@ struct SolveOptions {
   size_t reference = 0;              ///< the camera whose frame is the world's
   bool bend = false;                 ///< the target may be bent (two parameters)
   bool time_offsets = false;         ///< each camera's stamps may be late (needs a moving target)
+  bool readouts = false;             ///< each camera's read-out is solved for (likewise)
   double huber_px = 0;               ///< robust loss beyond this error; 0: none
   /// Corners farther off than so many robust standard deviations of their camera are left out, in
   /// up to three rounds; 0: none are.
@@ -33,7 +35,7 @@ struct SolveOptions {
 };
 
 struct ParameterEstimate {
-  std::string name;  ///< "fx", "k1", "time_offset_s"
+  std::string name;  ///< "fx", "k1", "time_offset_s", "readout_s"
   double value = 0, sigma = 0;
 };
 
@@ -46,7 +48,7 @@ struct SolvedCamera {
   /// Covariance of these estimates in their order, then (unless it is the reference camera) of
   /// world_from_camera's tangent (rotation [rad], translation [m], perturbed on the right).
   Eigen::MatrixXd covariance{};
-  std::vector<int> lens_columns{};  ///< which of fx fy cx cy k.. (0..11, time offset 12) they are
+  std::vector<int> lens_columns{};  ///< which of fx fy cx cy k.. (0..11), offset 12, read-out 13
   bool has_place = false;
   Matrix6 place_covariance() const;  ///< zero for the reference camera
   size_t views = 0, corners = 0, rejected = 0;

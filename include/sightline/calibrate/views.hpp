@@ -13,9 +13,10 @@ namespace sightline {
 
 /// A corner of the target, found in an image.
 struct TargetCorner {
-  int id = 0;                                          ///< CalibrationTarget::corner()
-  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();     ///< [px]
-  Eigen::Vector2d px_per_s = Eigen::Vector2d::Zero();  ///< how it moves; 0: unknown or still
+  int id = 0;                                           ///< CalibrationTarget::corner()
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();      ///< [px]
+  Eigen::Vector2d px_per_s = Eigen::Vector2d::Zero();   ///< how it moves; 0: unknown or still
+  Eigen::Vector2d px_per_s2 = Eigen::Vector2d::Zero();  ///< and how that changes
 };
 
 /// What one camera sees of the target in one set of images taken together.
@@ -45,8 +46,8 @@ struct CalibrationViews {
 };
 
 /// Kept beside a calibration so that it can be solved again (`corners.csv`): the target and the
-/// cameras as comments, then one row per corner: set,camera,delay_s,corner,u,v,du,dv. Reading it
-/// back gives the same numbers.
+/// cameras as comments, then one row per corner: set,camera,delay_s,corner,u,v,du,dv,ddu,ddv (the
+/// last two may be missing). Reading it back gives the same numbers.
 std::string format_views(const CalibrationViews& views);
 Result<CalibrationViews> parse_views(std::string_view text, const std::string& where);
 

@@ -10,7 +10,8 @@
 namespace sightline {
 namespace {
 
-constexpr std::string_view kHeader = "set,camera,delay_s,corner,u,v,du,dv";
+constexpr std::string_view kHeader = "set,camera,delay_s,corner,u,v,du,dv,ddu,ddv";
+constexpr std::string_view kShortHeader = "set,camera,delay_s,corner,u,v,du,dv";
 constexpr std::string_view kCameraMark = "#camera ";
 constexpr std::string_view kTargetMark = "#target ";
 constexpr std::string_view kOtherMark = "#other ";  // of the targets beside it, each from its name
@@ -66,8 +67,9 @@ class ViewsReader {
         others.back() += std::string(rest) + "\n";
       } else if (line.starts_with(kCameraMark)) {
         SL_RETURN_IF_ERROR(camera(line.substr(kCameraMark.size())));
-      } else if (line == kHeader) {
+      } else if (line == kHeader || line == kShortHeader) {
         header = true;
+        accelerated_ = line == kHeader;
       } else if (!line.empty() && line[0] != '#') {
         if (!header) return fault("not a file of corners: its header is '{}'", kHeader);
         SL_RETURN_IF_ERROR(row(line));
@@ -117,7 +119,11 @@ class ViewsReader {
          {&corner.pixel.x(), &corner.pixel.y(), &corner.px_per_s.x(), &corner.px_per_s.y()}) {
       *value = fields.number<double>();
     }
-    if (!fields.good()) return fault("is not '{}'", kHeader);
+    if (accelerated_) {
+      corner.px_per_s2.x() = fields.number<double>();
+      corner.px_per_s2.y() = fields.number<double>();
+    }
+    if (!fields.good()) return fault("is not '{}'", accelerated_ ? kHeader : kShortHeader);
     if (set >= kMaxSets) return fault("set {} is beyond {}", set, kMaxSets);
     size_t camera = 0;
     while (camera < views_.cameras.size() && views_.cameras[camera].name != name) ++camera;
@@ -132,6 +138,7 @@ class ViewsReader {
   std::string_view text_;
   const std::string& where_;
   size_t line_ = 0;
+  bool accelerated_ = false;  // rows have the last two columns
   CalibrationViews views_;
   std::map<std::pair<size_t, size_t>, size_t> index_;
 };
@@ -163,8 +170,9 @@ std::string format_views(const CalibrationViews& views) {
   for (const TargetView& view : views.views) {
     for (const TargetCorner& c : view.corners) {
       text +=
-          fmt::format("{},{},{},{},{},{},{},{}\n", view.set, views.cameras[view.camera].name,
-                      view.delay_s, c.id, c.pixel.x(), c.pixel.y(), c.px_per_s.x(), c.px_per_s.y());
+          fmt::format("{},{},{},{},{},{},{},{},{},{}\n", view.set, views.cameras[view.camera].name,
+                      view.delay_s, c.id, c.pixel.x(), c.pixel.y(), c.px_per_s.x(), c.px_per_s.y(),
+                      c.px_per_s2.x(), c.px_per_s2.y());
     }
   }
   return text;

@@ -12,6 +12,7 @@
 #include "calibrate/report/projection_sigma.hpp"
 #include "calibrate/report/rig_bundle.hpp"
 #include "calibrate/report/split_half.hpp"
+#include "calibrate/solve/stamps.hpp"
 
 namespace sightline {
 
@@ -232,8 +233,10 @@ Result<RigReport> assess_rig(const CalibrationViews& views, const SolveOptions& 
   }
   out.rigidity = rigidity(used, cameras, offsets);
   add_halves(views, options, solution, out);
+  const std::vector<std::string> rolling = readout_remarks(views, options, solution);
   for (size_t c = 0; c < out.cameras.size(); ++c) {
     judge(solution.cameras[c], out.cameras[c]);
+    if (!rolling[c].empty()) out.cameras[c].remarks.push_back(rolling[c]);
     out.grade = std::max(out.grade, out.cameras[c].grade);
   }
   return out;

@@ -161,7 +161,7 @@ Result<RigCheck> check_rig(const CalibrationViews& views,
   SolveOptions options = wanted;
   options.cameras.clear();
   for (const CalibratedCamera& camera : old) {
-    options.cameras.push_back({camera.model.parameters().lens, camera.model});
+    options.cameras.push_back({camera.model.parameters().lens, camera.model, camera.readout_s});
   }
   RigCheck out;
   const RigSolution before = as_solution(views, old, options.min_corners);

@@ -62,7 +62,8 @@ std::string camera_table(const RigSolution& solution, const RigReport& report) {
   std::string html =
       "<div class=\"wide\"><table><tr><th>camera</th><th>verdict</th><th>views</th><th>fit</th>"
       "<th>held out</th><th>halves differ: place</th><th>turn</th><th>image (median)</th>"
-      "<th>at the target (median; worst)</th><th>sigma of place</th><th>time offset</th></tr>\n";
+      "<th>at the target (median; worst)</th><th>sigma of place</th><th>time offset</th>"
+      "<th>read-out</th></tr>\n";
   for (size_t c = 0; c < report.cameras.size(); ++c) {
     const CameraReport& r = report.cameras[c];
     const SolvedCamera& s = solution.cameras[c];
@@ -72,13 +73,13 @@ std::string camera_table(const RigSolution& solution, const RigReport& report) {
     html += fmt::format(
         "<tr><td><b>{}</b></td><td class=\"{}\">{}</td><td>{}</td><td>{:.3f} px</td><td>{}</td>"
         "<td>{}</td><td>{}</td><td>{}</td><td>{}; {}</td><td>{:.2f} mm, {:.3f}&deg;</td>"
-        "<td>{:.1f} ms</td></tr>\n",
+        "<td>{:.1f} ms</td><td>{:.1f} ms</td></tr>\n",
         html_text(r.name), css_class(r.grade), to_string(r.grade), s.views, s.camera.rms_px,
         number(r.held_out_px, 3, "px"), number(half(&SplitHalf::center_mm), 2, "mm"),
         number(half(&SplitHalf::rotation_deg), 3, "&deg;"),
         number(half(&SplitHalf::median_px), 3, "px"), number(half(&SplitHalf::median_mm), 2, "mm"),
         number(half(&SplitHalf::worst_mm), 2, "mm"), r.place_sigma_mm, r.place_sigma_deg,
-        1e3 * s.time_offset_s);
+        1e3 * s.time_offset_s, 1e3 * s.camera.readout_s);
   }
   return html + "</table></div>\n";
 }

@@ -47,6 +47,7 @@ Json camera_json(const SolvedCamera& solved, const CameraReport& report) {
             {"depth_ratio", report.depth_ratio},
             {"working_distance_m", report.working_distance},
             {"time_offset_s", solved.time_offset_s},
+            {"readout_s", solved.camera.readout_s},
             {"place_sigma_mm", report.place_sigma_mm},
             {"place_sigma_deg", report.place_sigma_deg}};
   if (report.held_out_px) json["held_out_px"] = *report.held_out_px;

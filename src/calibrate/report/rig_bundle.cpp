@@ -11,7 +11,9 @@ Bundle rig_bundle(const CalibrationViews& views, const RigSolution& solution) {
     BundleCamera camera;
     camera.lens = solved.camera.model.parameters().lens;
     camera.values = lens_vector(solved.camera.model);
+    camera.height = solved.camera.model.height();
     camera.values[kTimeOffset] = solved.time_offset_s;
+    camera.values[kReadout] = solved.camera.readout_s;
     camera.world_from_camera = solved.camera.world_from_camera;
     camera.place_free = false;
     bundle.cameras.push_back(camera);

@@ -2,7 +2,7 @@
 #include <cmath>
 #include <map>
 
-#include "calibrate/solve/bundle.hpp"
+#include "calibrate/solve/corner_at_set.hpp"
 #include "sightline/calibrate/assess.hpp"
 #include "sightline/geometry/triangulation.hpp"
 
@@ -49,10 +49,12 @@ std::optional<RigidityReport> rigidity(const CalibrationViews& views,
     std::map<int, std::vector<PointSight>> sights;
     for (const TargetView* view : set) {
       LensVector lens{};
+      const CalibratedCamera& camera = cameras[view->camera];
       lens[kTimeOffset] = time_offsets_s[view->camera];
+      lens[kReadout] = camera.readout_s;
       for (const TargetCorner& corner : view->corners) {
         sights[corner.id].push_back(
-            {&cameras[view->camera], pixel_at_set(*view, corner, lens), 0.5});
+            {&camera, corner_at_set(*view, corner, lens.data(), camera.model.height()).pixel, 0.5});
       }
     }
     std::map<int, Eigen::Vector3d> points;

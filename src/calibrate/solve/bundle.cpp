@@ -9,6 +9,7 @@
 #include <memory>
 #include <optional>
 
+#include "calibrate/solve/corner_at_set.hpp"
 #include "calibrate/solve/pose_manifold.hpp"
 
 namespace sightline::calibrate {
@@ -22,6 +23,7 @@ class ViewCost : public ceres::CostFunction {
   ViewCost(const Bundle& bundle, const BundleView& view, double huber_px)
       : target_(*bundle.target),
         lens_(bundle.cameras[view.camera].lens),
+        height_(bundle.cameras[view.camera].height),
         view_(view),
         huber_(huber_px) {
     const auto used = std::count(view.used.begin(), view.used.end(), 1);
@@ -30,8 +32,12 @@ class ViewCost : public ceres::CostFunction {
   }
 
   bool Evaluate(const double* const* blocks, double* residuals, double** jacobians) const override {
-    const ViewState state{
-        lens_, blocks[0], pose_of(blocks[1]), pose_of(blocks[2]), {blocks[3][0], blocks[3][1]}};
+    const ViewState state{lens_,
+                          height_,
+                          blocks[0],
+                          pose_of(blocks[1]),
+                          pose_of(blocks[2]),
+                          {blocks[3][0], blocks[3][1]}};
     ViewLinearization at;
     if (!linearize(target_, view_, state, jacobians != nullptr, at)) return false;
     if (huber_ > 0) soften(at);
@@ -72,6 +78,7 @@ class ViewCost : public ceres::CostFunction {
 
   const CalibrationTarget& target_;
   const LensModel lens_;
+  const int height_;
   const BundleView& view_;
   const double huber_;
 };
@@ -148,11 +155,6 @@ Eigen::Vector3d bent_corner(const CalibrationTarget& target, const Eigen::Vector
   return {at.x(), at.y(), bend.x() * (1 - u * u) + bend.y() * (1 - v * v)};
 }
 
-Eigen::Vector2d pixel_at_set(const TargetView& view, const TargetCorner& corner,
-                             const LensVector& lens) {
-  return corner.pixel - corner.px_per_s * (view.delay_s + lens[kTimeOffset]);
-}
-
 std::optional<Eigen::Vector2d> corner_error(const Bundle& bundle, const BundleView& view,
                                             size_t corner) {
   const BundleCamera& camera = bundle.cameras[view.camera];
@@ -164,13 +166,18 @@ std::optional<Eigen::Vector2d> corner_error(const Bundle& bundle, const BundleVi
   if (!project_lens(camera.lens, camera.values.data(), point, pixel, nullptr, nullptr)) {
     return std::nullopt;
   }
-  return Eigen::Vector2d(pixel - pixel_at_set(*view.view, c, camera.values));
+  return Eigen::Vector2d(pixel -
+                         corner_at_set(*view.view, c, camera.values.data(), camera.height).pixel);
 }
 
 ViewState state_of(const Bundle& bundle, const BundleView& view) {
   const BundleCamera& camera = bundle.cameras[view.camera];
-  return {camera.lens, camera.values.data(), camera.world_from_camera,
-          bundle.world_from_target[view.set], bundle.bend};
+  return {camera.lens,
+          camera.height,
+          camera.values.data(),
+          camera.world_from_camera,
+          bundle.world_from_target[view.set],
+          bundle.bend};
 }
 
 bool linearize(const CalibrationTarget& target, const BundleView& view, const ViewState& state,
@@ -198,11 +205,12 @@ bool linearize(const CalibrationTarget& target, const BundleView& view, const Vi
                       derivatives ? &by_lens : nullptr)) {
       return false;
     }
-    const double delay = view.view->delay_s + state.values[kTimeOffset];
-    out.error.segment<2>(row) = pixel - (corner.pixel - corner.px_per_s * delay);
+    const CornerAtSet seen = corner_at_set(*view.view, corner, state.values, state.height);
+    out.error.segment<2>(row) = pixel - seen.pixel;
     if (derivatives) {
       out.lens.middleRows<2>(row).leftCols<12>() = by_lens;
-      out.lens.middleRows<2>(row).col(kTimeOffset) = corner.px_per_s;
+      out.lens.middleRows<2>(row).col(kTimeOffset) = -seen.by_offset;
+      out.lens.middleRows<2>(row).col(kReadout) = -seen.by_readout;
       out.place.middleRows<2>(row).leftCols<3>() = by_point * skew(in_camera);
       out.place.middleRows<2>(row).rightCols<3>() = -by_point;
       const Eigen::Matrix<double, 2, 3> by_target = by_point * rotation;

@@ -15,6 +15,7 @@ namespace sightline::calibrate {
 /// A camera while it is being solved for.
 struct BundleCamera {
   LensModel lens = LensModel::kBrownConrady;
+  int height = 0;  ///< of its images [px]
   LensVector values{};
   std::array<bool, kLensSize> free{};  ///< which of them are estimated
   Rigid3 world_from_camera;
@@ -64,10 +65,6 @@ BundleSummary adjust(Bundle& bundle, const BundleOptions& options);
 /// Corner in the target's frame, bent.
 Eigen::Vector3d bent_corner(const CalibrationTarget& target, const Eigen::Vector2d& bend, int id);
 
-/// What the corner was measured at, had its camera taken it at the time of the set.
-Eigen::Vector2d pixel_at_set(const TargetView& view, const TargetCorner& corner,
-                             const LensVector& lens);
-
 /// Projection less measurement of one corner; empty where it does not project.
 std::optional<Eigen::Vector2d> corner_error(const Bundle& bundle, const BundleView& view,
                                             size_t corner);
@@ -75,13 +72,14 @@ std::optional<Eigen::Vector2d> corner_error(const Bundle& bundle, const BundleVi
 /// Where a view is linearized.
 struct ViewState {
   LensModel lens = LensModel::kBrownConrady;
+  int height = 0;                  ///< of the image [px]
   const double* values = nullptr;  ///< LensVector
   Rigid3 world_from_camera, world_from_target;
   Eigen::Vector2d bend = Eigen::Vector2d::Zero();
 };
 ViewState state_of(const Bundle& bundle, const BundleView& view);
 
-/// Errors of a view with derivatives, by tangents: lens (13), world_from_camera (6),
+/// Errors of a view with derivatives, by tangents: lens (14), world_from_camera (6),
 /// world_from_target (6), bend (2); two rows for each used corner.
 struct ViewLinearization {
   Eigen::VectorXd error;

@@ -8,10 +8,11 @@
 
 namespace sightline::calibrate {
 
-/// What is estimated of a lens: fx fy cx cy, eight coefficients in the order of LensModel, and by
-/// how much later than its stamps the camera takes its images [s].
-inline constexpr int kLensSize = 13;
-inline constexpr int kTimeOffset = 12;
+/// What is estimated of a lens: fx fy cx cy, eight coefficients in the order of LensModel, by how
+/// much later than its stamps the camera takes its images [s], and by how much later its last row
+/// than its first [s].
+inline constexpr int kLensSize = 14;
+inline constexpr int kTimeOffset = 12, kReadout = 13;
 using LensVector = std::array<double, kLensSize>;
 
 /// Coefficients that a family has: 5, 8 or 4.

@@ -19,10 +19,11 @@ using namespace calibrate;
 
 namespace {
 
-constexpr std::array kPinholeNames = {"fx", "fy", "cx", "cy", "k1", "k2",           "p1",
-                                      "p2", "k3", "k4", "k5", "k6", "time_offset_s"};
-constexpr std::array kFisheyeNames = {"fx", "fy", "cx", "cy", "k1", "k2",           "k3",
-                                      "k4", "",   "",   "",   "",   "time_offset_s"};
+constexpr std::array kPinholeNames = {
+    "fx",       "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "time_offset_s",
+    "readout_s"};
+constexpr std::array kFisheyeNames = {
+    "fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4", "", "", "", "", "time_offset_s", "readout_s"};
 
 CameraPrior prior_of(const SolveOptions& options, size_t camera) {
   return options.cameras.empty() ? CameraPrior{} : options.cameras[camera];
@@ -42,8 +43,10 @@ Bundle empty_bundle(const CalibrationViews& views, const SolveOptions& options) 
     const CameraPrior prior = prior_of(options, c);
     BundleCamera camera;
     camera.lens = prior.known ? prior.known->parameters().lens : prior.lens;
+    camera.height = views.cameras[c].height;
     if (prior.known) camera.values = lens_vector(*prior.known);
     if (!prior.known) free_lens(camera);
+    camera.values[kReadout] = prior.readout_s;
     camera.place_free = c != options.reference;
     bundle.cameras.push_back(camera);
   }
@@ -74,6 +77,7 @@ Status solve_alone(const CalibrationViews& views, const SolveOptions& options, s
   alone.cameras.push_back(out);
   BundleCamera& solved = alone.cameras.front();
   solved.values = *start;
+  solved.values[kReadout] = out.values[kReadout];
   solved.place_free = false;
   for (const TargetView* view : own) {
     const auto pose =
@@ -165,6 +169,7 @@ void fill_camera(const CalibrationViews& views, const Bundle& bundle,
   out.camera.name = views.cameras[c].name;
   out.camera.world_from_camera = camera.world_from_camera;
   out.camera.time_offset_s = camera.values[kTimeOffset];
+  out.camera.readout_s = camera.values[kReadout];
   out.camera.rms_px = std::sqrt(sum / static_cast<double>(std::max<size_t>(1, out.corners)));
 }
 
@@ -174,10 +179,11 @@ Result<RigSolution> to_solution(const CalibrationViews& views, const SolveOption
   if (covariance.singular) {
     return make_error(
         ErrorCode::kInvalidInput, "",
-        "the views do not determine all that is solved for (lenses, places{}{}): more "
+        "the views do not determine all that is solved for (lenses, places{}{}{}): more "
         "poses of the target are needed, near and far, tilted, all over the images, "
         "seen by cameras together",
-        options.bend ? ", bend" : "", options.time_offsets ? ", time offsets" : "");
+        options.bend ? ", bend" : "", options.time_offsets ? ", time offsets" : "",
+        options.readouts ? ", read-outs: for these in motion" : "");
   }
   RigSolution out;
   out.rms_px = summary.rms_px;
@@ -225,6 +231,7 @@ Result<RigSolution> finish(const CalibrationViews& views, const SolveOptions& op
   for (size_t c = 0; options.time_offsets && c < bundle.cameras.size(); ++c) {
     bundle.cameras[c].free[kTimeOffset] = c != options.reference;
   }
+  for (BundleCamera& camera : bundle.cameras) camera.free[kReadout] = options.readouts;
   BundleSummary summary = adjust(bundle, bundle_options);
   for (int round = 0; round < 3 && options.reject_sigmas > 0; ++round) {
     if (reject(bundle, options.reject_sigmas) == 0) break;
@@ -282,6 +289,7 @@ Result<RigSolution> resolve_rig(const CalibrationViews& views, const SolveOption
     BundleCamera& camera = bundle.cameras[c];
     if (camera.free[0]) camera.values = lens_vector(start.cameras[c].camera.model);
     camera.values[kTimeOffset] = start.cameras[c].time_offset_s;
+    camera.values[kReadout] = start.cameras[c].camera.readout_s;
     camera.world_from_camera = start.cameras[c].camera.world_from_camera;
   }
   bundle.bend = start.bend;

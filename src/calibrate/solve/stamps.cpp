@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calibrate/solve/stamps.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -64,6 +66,33 @@ Status check_stamps(const CalibrationViews& views, const SolveOptions& options,
       "each view, or have the offsets solved for as well (--time-offsets)",
       speeds[worst], std::abs(offset_ms), 1e3 * sigma_s, offset_ms > 0 ? "later" : "earlier",
       views.cameras[options.reference].name, most_px);
+}
+
+std::vector<std::string> readout_remarks(const CalibrationViews& views, const SolveOptions& options,
+                                         const RigSolution& solution) {
+  std::vector<std::string> remarks(views.cameras.size());
+  std::vector<double> speeds;
+  for (size_t c = 0; c < views.cameras.size(); ++c) {
+    speeds.push_back(corner_speed(views, solution, c));
+  }
+  const bool still = *std::max_element(speeds.begin(), speeds.end()) < kStill;
+  if (options.readouts || still) return remarks;
+  SolveOptions with_readouts = options;
+  with_readouts.readouts = true;
+  const auto rolling = resolve_rig(views, with_readouts, solution);
+  if (!rolling || rolling->rms_px > kLeastGain * solution.rms_px) return remarks;
+  for (size_t c = 0; c < views.cameras.size(); ++c) {
+    const ParameterEstimate& readout = rolling->cameras[c].estimates.back();
+    // Of rows all over the image, next to the middle one.
+    const double effect_px = std::abs(readout.value) * speeds[c] / std::sqrt(12.0);
+    if (std::abs(readout.value) < kLeastSigmas * readout.sigma || effect_px < kLeastEffect)
+      continue;
+    remarks[c] = fmt::format(
+        "its rows are exposed one after the other, the last one {:.1f} ms +- {:.1f} {} the first: "
+        "have that solved for as well (--readouts)",
+        1e3 * std::abs(readout.value), 1e3 * readout.sigma, readout.value > 0 ? "after" : "before");
+  }
+  return remarks;
 }
 
 }  // namespace sightline::calibrate

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "sightline/calibrate/solve.hpp"
 
 namespace sightline::calibrate {
@@ -10,5 +13,10 @@ namespace sightline::calibrate {
 /// target stood still.
 Status check_stamps(const CalibrationViews& views, const SolveOptions& options,
                     const RigSolution& solution);
+
+/// What there is to say, by camera, of a solution without SolveOptions::readouts whose target was
+/// in motion: that rows are exposed one after the other, and by how much. Empty: nothing.
+std::vector<std::string> readout_remarks(const CalibrationViews& views, const SolveOptions& options,
+                                         const RigSolution& solution);
 
 }  // namespace sightline::calibrate

@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calibrate/solve/corner_at_set.hpp"
+
 namespace sightline::calibrate {
 namespace {
 
@@ -120,7 +122,7 @@ std::optional<TargetPose> target_pose(const CalibrationTarget& target, const Eig
   Eigen::Vector2d middle = Eigen::Vector2d::Zero();
   for (size_t i = 0; i < view.corners.size(); ++i) {
     if (used.used[i] == 0) continue;
-    const auto ray = model->unproject(pixel_at_set(view, view.corners[i], values));
+    const auto ray = model->unproject(corner_at_set(view, view.corners[i], values.data(), 0).pixel);
     if (!ray || ray->z() < kLeastRayDepth) continue;
     points.push_back(target.corner(view.corners[i].id));
     rays.emplace_back(ray->head<2>() / ray->z());
@@ -131,7 +133,7 @@ std::optional<TargetPose> target_pose(const CalibrationTarget& target, const Eig
   const auto start = pose_from_homography(*h);
   if (!start) return std::nullopt;
   middle /= static_cast<double>(points.size());
-  const ViewState state{lens, values.data(), {}, {}, bend};
+  const ViewState state{lens, 0, values.data(), {}, {}, bend};  // a start: without read-out
   auto best = refine(target, used, state, *start);
   const Rigid3 other =
       tilted_back(best ? best->camera_from_target : *start, {middle.x(), middle.y(), 0});

@@ -3,11 +3,13 @@
 
 #include <glob.h>
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cctype>
 #include <cmath>
 #include <map>
 #include <set>
+#include <span>
 
 namespace sightline {
 
@@ -19,6 +21,43 @@ const TargetCorner* find_corner(const TimedCorners& image, int id) {
   const auto found = std::lower_bound(image.corners.begin(), image.corners.end(), id,
                                       [](const TargetCorner& c, int key) { return c.id < key; });
   return found != image.corners.end() && found->id == id ? &*found : nullptr;
+}
+
+/// A corner in one image.
+struct CornerAt {
+  double time_s;
+  Eigen::Vector2d pixel;
+};
+
+/// Speed and its change at one of up to five places: the derivatives of the polynomial through
+/// them, of as many as there are on the side that has fewer. (A hand that turns back is not
+/// followed by the places before and after alone.) On one side only: the speed to the next one.
+void set_motion(std::span<const CornerAt> path, size_t now, TargetCorner& corner) {
+  corner.px_per_s = corner.px_per_s2 = Eigen::Vector2d::Zero();
+  if (path.size() < 2) return;
+  const size_t before = now, after = path.size() - 1 - now;
+  const size_t each = std::min(before, after);
+  if (each == 0) {
+    const CornerAt &from = path[before > 0 ? now - 1 : now], &to = path[before > 0 ? now : now + 1];
+    if (to.time_s > from.time_s)
+      corner.px_per_s = (to.pixel - from.pixel) / (to.time_s - from.time_s);
+    return;
+  }
+  const auto others = static_cast<Eigen::Index>(2 * each);
+  const double span = path[now + each].time_s - path[now - each].time_s;
+  Eigen::MatrixXd powers(others, others), offsets(others, 2);  // of the time, in spans
+  for (Eigen::Index row = 0; row < others; ++row) {
+    const size_t i = now - each + static_cast<size_t>(row) + (row < others / 2 ? 0 : 1);
+    const double at = (path[i].time_s - path[now].time_s) / span;
+    for (Eigen::Index power = 0; power < others; ++power) {
+      powers(row, power) = std::pow(at, static_cast<double>(power + 1));
+    }
+    offsets.row(row) = (path[i].pixel - path[now].pixel).transpose();
+  }
+  const Eigen::MatrixXd solved = powers.partialPivLu().solve(offsets);
+  if (!solved.allFinite()) return;  // times that are the same
+  corner.px_per_s = solved.row(0).transpose() / span;
+  corner.px_per_s2 = 2 * solved.row(1).transpose() / (span * span);
 }
 
 /// The last run of digits in a file's stem; empty if there is none.
@@ -61,22 +100,25 @@ void add_motion(std::vector<TimedCorners>& found, double reach_s) {
   for (size_t i = 0; i < found.size(); ++i) by_camera[found[i].camera].push_back(i);
   for (const auto& [camera, images] : by_camera) {
     for (size_t k = 0; k < images.size(); ++k) {
-      TimedCorners& now = found[images[k]];
-      const auto near = [&](size_t other) {
-        return std::abs(found[images[other]].time_s - now.time_s) <= reach_s;
-      };
-      const TimedCorners* before = k > 0 && near(k - 1) ? &found[images[k - 1]] : nullptr;
-      const TimedCorners* after =
-          k + 1 < images.size() && near(k + 1) ? &found[images[k + 1]] : nullptr;
-      for (TargetCorner& corner : now.corners) {
-        const TargetCorner* a = before != nullptr ? find_corner(*before, corner.id) : nullptr;
-        const TargetCorner* b = after != nullptr ? find_corner(*after, corner.id) : nullptr;
-        if (a == nullptr && b == nullptr) continue;
-        const double from = a != nullptr ? before->time_s : now.time_s;
-        const double to = b != nullptr ? after->time_s : now.time_s;
-        const Eigen::Vector2d start = a != nullptr ? a->pixel : corner.pixel;
-        const Eigen::Vector2d end = b != nullptr ? b->pixel : corner.pixel;
-        if (to > from) corner.px_per_s = (end - start) / (to - from);
+      const auto at = [&](size_t other) -> const TimedCorners& { return found[images[other]]; };
+      // Two images before and two after, each near to the next.
+      size_t first = k, last = k;
+      while (first > 0 && first + 2 > k && at(first).time_s - at(first - 1).time_s <= reach_s) {
+        --first;
+      }
+      while (last + 1 < images.size() && last < k + 2 &&
+             at(last + 1).time_s - at(last).time_s <= reach_s) {
+        ++last;
+      }
+      for (TargetCorner& corner : found[images[k]].corners) {
+        std::vector<CornerAt> path;
+        size_t now = 0;
+        for (size_t i = first; i <= last; ++i) {
+          const TargetCorner* const seen = find_corner(at(i), corner.id);
+          if (i == k) now = path.size();
+          if (seen != nullptr) path.push_back({at(i).time_s, seen->pixel});
+        }
+        set_motion(path, now, corner);
       }
     }
   }

@@ -219,6 +219,27 @@ class Capture(Recorded):
         self.assertIn("nothing was recorded", error)
         self.assertFalse(os.path.exists(self.path("none")))
 
+    def test_the_readout_of_rolling_shutters_is_recovered(self):
+        """Every row of an image is drawn with the board where it is when that row is exposed."""
+        readout_s = 0.03
+        recording = self.path("rolling")
+        subprocess.run([os.path.join(BIN, "make_board_recording"), recording, "--moving", "--readout", str(readout_s)],
+                       check=True, timeout=8 * WAIT_S)
+        arguments = ("calibrate", "solve", recording, "--target", os.path.join(recording, "board.toml"))
+        said, _ = sightline(*arguments, "--time-offsets", "--out", self.path("global"))
+        self.assertIn("have that solved for as well (--readouts)", said)
+        sightline(*arguments, "--time-offsets", "--readouts", "--out", self.path("solved"))
+        report = json.loads(read_text(self.path("solved", "report.json")))
+        before = json.loads(read_text(self.path("global", "report.json")))
+        made = self.calibration(self.path("solved", "calibration.toml"))
+        print("held out", before["held_out_px"], report["held_out_px"], "px; read-outs",
+              {name: camera["readout_s"] for name, camera in made.items()})
+        self.assertLess(report["held_out_px"], 0.7 * before["held_out_px"])
+        for name, camera in made.items():
+            true = self.calibration(os.path.join(recording, "calibration.toml"))[name]["readout_s"]
+            self.assertEqual(abs(true), readout_s if name == "right" else readout_s / 2)
+            self.assertLess(abs(camera["readout_s"] - true), 0.0015, name)
+
     def test_late_stamps_of_a_moving_board_are_recovered(self):
         """A board that is never held still, before two cameras; the stamps of one are wrong by what is known."""
         late_s = 0.024
