@@ -32,7 +32,6 @@ constexpr std::array<std::pair<const char*, size_t>, 7> kSigmas = {{{"fx", 1},
 
 constexpr double kLargestRms = 10'000;    // [px]
 constexpr double kLargestTimeOffset = 2;  // [s]; the estimator keeps less of the past than that
-constexpr double kLargestReadout = 0.2;   // [s]; sensors take less than a frame
 
 struct LensName {
   const char* name;

@@ -10,6 +10,8 @@
 
 namespace sightline::calibrate {
 
+constexpr double kLargestReadout = 0.2;  // [s]; sensors take less than a frame
+
 /// One [[camera]] table.
 Result<CalibratedCamera> read_camera(const toml::table& table, const std::string& file);
 

@@ -226,6 +226,15 @@ TEST(SolveRig, FindsTheReadoutOfRollingShutters) {
   EXPECT_THAT(format_solution(*rolling, "2026-11-30", ""), testing::HasSubstr("readout_s = 0.02"));
 }
 
+// What a camera cannot have is not written: the file would be refused.
+TEST(SolveRig, AReadoutThatNoSensorHasIsRefusedByName) {
+  SolveOptions options;
+  options.time_offsets = options.readouts = true;
+  const SyntheticRig rig =
+      make_rig({.cameras = 2, .sets = 40, .speed = 0.2, .turn = 0.5, .readout_s = 0.25});
+  EXPECT_THAT(solve_rig(rig.views, options), test::FailsWith("which no sensor has"));
+}
+
 TEST(SolveRig, HoldsAKnownReadout) {
   const SyntheticRig rig =
       make_rig({.cameras = 2, .sets = 40, .speed = 0.4, .turn = 0.8, .readout_s = 0.028});

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "calibrate/calibration_reader.hpp"
 #include "calibrate/report/rig_bundle.hpp"
 #include "calibrate/solve/bundle.hpp"
 #include "calibrate/solve/chain.hpp"
@@ -173,6 +174,16 @@ void fill_camera(const CalibrationViews& views, const Bundle& bundle,
   out.camera.rms_px = std::sqrt(sum / static_cast<double>(std::max<size_t>(1, out.corners)));
 }
 
+/// No sensor takes so long: nothing in the views tells.
+Status check_readout(const CalibrationViews& views, size_t camera, double readout_s) {
+  if (std::abs(readout_s) <= kLargestReadout) return {};
+  return make_error(
+      ErrorCode::kInvalidInput, camera_place(views, camera),
+      "its read-out comes out at {:.0f} ms, which no sensor has: the target moves too "
+      "little before it, or its images are too far apart in time (--readouts)",
+      1e3 * readout_s);
+}
+
 Result<RigSolution> to_solution(const CalibrationViews& views, const SolveOptions& options,
                                 const Bundle& bundle, const BundleSummary& summary) {
   const RigCovariance covariance = rig_covariance(bundle);
@@ -204,6 +215,7 @@ Result<RigSolution> to_solution(const CalibrationViews& views, const SolveOption
   }
   for (size_t c = 0; c < bundle.cameras.size(); ++c) {
     const BundleCamera& camera = bundle.cameras[c];
+    SL_RETURN_IF_ERROR(check_readout(views, c, camera.values[kReadout]));
     const ViewedCamera& seen = views.cameras[c];
     SL_ASSIGN(CameraModel model, CameraModel::create(lens_parameters(camera.lens, camera.values,
                                                                      seen.width, seen.height),

@@ -3,7 +3,7 @@
 
 #include <glob.h>
 
-#include <Eigen/LU>
+#include <Eigen/QR>
 #include <algorithm>
 #include <cctype>
 #include <cmath>
@@ -23,15 +23,22 @@ const TargetCorner* find_corner(const TimedCorners& image, int id) {
   return found != image.corners.end() && found->id == id ? &*found : nullptr;
 }
 
+constexpr int kDegree = 4;
+constexpr size_t kFewest = 2;  // images before and after, where there are as many
+// Before and after an image [s]: of what a hand does in that time a
+// polynomial of the fourth degree leaves nothing, and of more images noise is less.
+constexpr double kAround = 0.13;
+
 /// A corner in one image.
 struct CornerAt {
   double time_s;
   Eigen::Vector2d pixel;
 };
 
-/// Speed and its change at one of up to five places: the derivatives of the polynomial through
-/// them, of as many as there are on the side that has fewer. (A hand that turns back is not
-/// followed by the places before and after alone.) On one side only: the speed to the next one.
+/// Speed and its change at one of some places: the derivatives of the polynomial of the fourth
+/// degree that fits them best (of the second through three), as many before as after. A hand that
+/// turns back is not followed by the places before and after alone. On one side only: the speed to
+/// the next one.
 void set_motion(std::span<const CornerAt> path, size_t now, TargetCorner& corner) {
   corner.px_per_s = corner.px_per_s2 = Eigen::Vector2d::Zero();
   if (path.size() < 2) return;
@@ -39,25 +46,27 @@ void set_motion(std::span<const CornerAt> path, size_t now, TargetCorner& corner
   const size_t each = std::min(before, after);
   if (each == 0) {
     const CornerAt &from = path[before > 0 ? now - 1 : now], &to = path[before > 0 ? now : now + 1];
-    if (to.time_s > from.time_s)
+    if (to.time_s > from.time_s) {
       corner.px_per_s = (to.pixel - from.pixel) / (to.time_s - from.time_s);
+    }
     return;
   }
-  const auto others = static_cast<Eigen::Index>(2 * each);
+  const auto places = static_cast<Eigen::Index>(2 * each + 1);
+  const Eigen::Index powers = std::min<Eigen::Index>(kDegree + 1, places);
   const double span = path[now + each].time_s - path[now - each].time_s;
-  Eigen::MatrixXd powers(others, others), offsets(others, 2);  // of the time, in spans
-  for (Eigen::Index row = 0; row < others; ++row) {
-    const size_t i = now - each + static_cast<size_t>(row) + (row < others / 2 ? 0 : 1);
-    const double at = (path[i].time_s - path[now].time_s) / span;
-    for (Eigen::Index power = 0; power < others; ++power) {
-      powers(row, power) = std::pow(at, static_cast<double>(power + 1));
+  Eigen::MatrixXd times(places, powers), offsets(places, 2);  // times in spans
+  for (Eigen::Index row = 0; row < places; ++row) {
+    const CornerAt& place = path[now - each + static_cast<size_t>(row)];
+    const double at = (place.time_s - path[now].time_s) / span;
+    for (Eigen::Index power = 0; power < powers; ++power) {
+      times(row, power) = std::pow(at, static_cast<double>(power));
     }
-    offsets.row(row) = (path[i].pixel - path[now].pixel).transpose();
+    offsets.row(row) = (place.pixel - path[now].pixel).transpose();
   }
-  const Eigen::MatrixXd solved = powers.partialPivLu().solve(offsets);
+  const Eigen::MatrixXd solved = times.colPivHouseholderQr().solve(offsets);
   if (!solved.allFinite()) return;  // times that are the same
-  corner.px_per_s = solved.row(0).transpose() / span;
-  corner.px_per_s2 = 2 * solved.row(1).transpose() / (span * span);
+  corner.px_per_s = solved.row(1).transpose() / span;
+  corner.px_per_s2 = 2 * solved.row(2).transpose() / (span * span);
 }
 
 /// The last run of digits in a file's stem; empty if there is none.
@@ -101,15 +110,14 @@ void add_motion(std::vector<TimedCorners>& found, double reach_s) {
   for (const auto& [camera, images] : by_camera) {
     for (size_t k = 0; k < images.size(); ++k) {
       const auto at = [&](size_t other) -> const TimedCorners& { return found[images[other]]; };
-      // Two images before and two after, each near to the next.
+      const auto near = [&](size_t other, size_t next) {
+        const bool close = std::abs(at(other).time_s - at(next).time_s) <= reach_s;
+        const bool around = std::abs(at(next).time_s - at(k).time_s) <= kAround;
+        return close && (around || std::max(next, k) - std::min(next, k) <= kFewest);
+      };
       size_t first = k, last = k;
-      while (first > 0 && first + 2 > k && at(first).time_s - at(first - 1).time_s <= reach_s) {
-        --first;
-      }
-      while (last + 1 < images.size() && last < k + 2 &&
-             at(last + 1).time_s - at(last).time_s <= reach_s) {
-        ++last;
-      }
+      while (first > 0 && near(first, first - 1)) --first;
+      while (last + 1 < images.size() && near(last, last + 1)) ++last;
       for (TargetCorner& corner : found[images[k]].corners) {
         std::vector<CornerAt> path;
         size_t now = 0;

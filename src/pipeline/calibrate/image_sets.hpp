@@ -15,8 +15,8 @@ struct TimedCorners {
   std::vector<TargetCorner> corners;
 };
 
-/// How each corner moves, from the images of the same camera before and after (at most `reach_s`
-/// away). `found` is in order of time.
+/// How each corner moves, from the images of the same camera within 0.13 s before and after (two at
+/// least, each at most `reach_s` from the next). `found` is in order of time.
 void add_motion(std::vector<TimedCorners>& found, double reach_s);
 
 /// Images of different cameras within `span_s` become sets; their time is the mean.

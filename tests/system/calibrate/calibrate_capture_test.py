@@ -223,8 +223,8 @@ class Capture(Recorded):
         """Every row of an image is drawn with the board where it is when that row is exposed."""
         readout_s = 0.03
         recording = self.path("rolling")
-        subprocess.run([os.path.join(BIN, "make_board_recording"), recording, "--moving", "--readout", str(readout_s)],
-                       check=True, timeout=8 * WAIT_S)
+        subprocess.run([os.path.join(BIN, "make_board_recording"), recording, "--moving", "--poses", "24", "--readout",
+                        str(readout_s)], check=True, timeout=8 * WAIT_S)
         arguments = ("calibrate", "solve", recording, "--target", os.path.join(recording, "board.toml"))
         said, _ = sightline(*arguments, "--time-offsets", "--out", self.path("global"))
         self.assertIn("have that solved for as well (--readouts)", said)
