@@ -22,6 +22,7 @@ WARM = 50          # viewers after which it is looked whether the daemon has all
 STEADY_KB = 200    # of growth in such a step
 GROWTH_KB = 8000   # of the memory, by the hundreds that are counted: 27 kB each would show
 # For how long a viewer is stopped; for figures 60 (docs/streaming.md).
+FIRST_FRAMES = 150  # at 30 a second
 STOPPED_S = float(os.environ.get("SIGHTLINE_STOPPED_SECONDS", "0"))
 WATCHED_FRAMES = 150  # of each camera, while one viewer is stopped
 MOST_ROUNDS = 5000
@@ -149,7 +150,9 @@ class Crowds(DaemonCase):
         return len(os.listdir(f"/proc/{daemon.process.pid}/fd")), int(status.split("VmRSS:")[1].split()[0])
 
     def settle(self, daemon):
-        """In its first seconds the daemon takes what it needs, with viewers or without; what it has then."""
+        """In its first seconds the daemon takes what it needs, with viewers or without (three seconds after the start the
+        first session of WebRTC is made, some 25 MB); what it has then."""
+        wait_until(lambda: self.captured(daemon, "left") > FIRST_FRAMES, "its first seconds are over")
         for _ in range(50):
             before = self.taken(daemon)
             self.come_and_go(daemon, WARM)
