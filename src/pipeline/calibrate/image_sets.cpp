@@ -107,7 +107,8 @@ namespace pipeline {
 void add_motion(std::vector<TimedCorners>& found, double reach_s) {
   std::map<size_t, std::vector<size_t>> by_camera;
   for (size_t i = 0; i < found.size(); ++i) by_camera[found[i].camera].push_back(i);
-  for (const auto& [camera, images] : by_camera) {
+  for (const auto& entry : by_camera) {
+    const std::vector<size_t>& images = entry.second;
     for (size_t k = 0; k < images.size(); ++k) {
       const auto at = [&](size_t other) -> const TimedCorners& { return found[images[other]]; };
       const auto near = [&](size_t other, size_t next) {
