@@ -45,11 +45,8 @@ std::vector<std::vector<Sight>> sights_by_set(const CalibrationViews& views,
         std::ranges::find(cameras, views.cameras[view.camera].name, &CalibratedCamera::name);
     if (camera == cameras.end()) continue;
     Sight sight{&*camera, view};
-    LensVector lens{};
-    lens[kTimeOffset] = camera->time_offset_s;
-    lens[kReadout] = camera->readout_s;
     for (TargetCorner& corner : sight.view.corners) {
-      corner.pixel = corner_at_set(view, corner, lens.data(), camera->model.height()).pixel;
+      corner.pixel = pixel_at_set(view, corner, *camera);
     }
     // The first of several targets is the one that is moved.
     std::erase_if(sight.view.corners, [&](const TargetCorner& corner) {

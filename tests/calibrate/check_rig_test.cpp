@@ -35,6 +35,22 @@ TEST(CheckRig, AnUntouchedRigIsInOrder) {
   }
 }
 
+// A target in motion before rolling shutters, whose read-outs the calibration has or lacks.
+TEST(CheckRig, KnowsTheReadoutOfRollingShutters) {
+  const SyntheticRig rig = make_rig(
+      {.cameras = 3, .sets = 48, .speed = 0.4, .turn = 0.8, .readout_s = 0.028, .seed = 4});
+  const auto rolling = check_rig(rig.views, rig.truth);
+  ASSERT_THAT(rolling, IsOk());
+  EXPECT_TRUE(rolling->in_order);
+  std::vector<CalibratedCamera> global = rig.truth;
+  for (CalibratedCamera& camera : global) camera.readout_s = 0;
+  const auto all_at_once = check_rig(rig.views, global);
+  ASSERT_THAT(all_at_once, IsOk());
+  EXPECT_LT(*rolling->held_out_px, 0.9);
+  EXPECT_GT(*all_at_once->held_out_px, 2 * *rolling->held_out_px);
+  EXPECT_GT(all_at_once->rigidity->rms_mm, 2 * rolling->rigidity->rms_mm);
+}
+
 // 0.1 degrees and 2 mm, of any camera, also of the one whose frame is the world's.
 TEST(CheckRig, FindsTheCameraThatWasBumped) {
   for (size_t bumped = 0; bumped < 4; ++bumped) {

@@ -129,7 +129,7 @@ TEST(Recordings, RealBoardWithKnownLenses) {
     EXPECT_LE(camera.split_half->center_mm, 6) << camera.name;
   }
   // The published places leave more of the target's lengths unexplained.
-  const auto before = rigidity(*views, *published, std::vector<double>(4, 0.0));
+  const auto before = rigidity(*views, *published);
   ASSERT_TRUE(before);
   EXPECT_LT(report->rigidity->rms_mm, before->rms_mm);
 }

@@ -90,10 +90,10 @@ struct SolvedRig {
 /// solve_rig(), then assess_rig().
 Result<SolvedRig> solve_and_assess(const CalibrationViews& views, const SolveOptions& options);
 
-/// Lengths on the target as these cameras see them (any calibration, not only a solution's own).
+/// Lengths on the target as these cameras see them, at the times that their time offsets and
+/// read-outs say (any calibration, not only a solution's own).
 std::optional<RigidityReport> rigidity(const CalibrationViews& views,
-                                       const std::vector<CalibratedCamera>& cameras,
-                                       const std::vector<double>& time_offsets_s);
+                                       const std::vector<CalibratedCamera>& cameras);
 
 /// Error of prediction: the target's pose in each set from the other cameras (from every other
 /// corner if `alone`), projected into the camera [px, RMS]; by camera, empty where nothing could be

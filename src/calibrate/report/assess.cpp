@@ -205,7 +205,6 @@ Result<RigReport> assess_rig(const CalibrationViews& views, const SolveOptions& 
   RigReport out;
   const Bundle rig = rig_bundle(views, solution);
   std::vector<CalibratedCamera> cameras;
-  std::vector<double> offsets;
   for (size_t c = 0; c < views.cameras.size(); ++c) {
     const SolvedCamera& solved = solution.cameras[c];
     CameraReport camera;
@@ -218,7 +217,6 @@ Result<RigReport> assess_rig(const CalibrationViews& views, const SolveOptions& 
     camera.place_sigma_deg = std::sqrt(place.diagonal().head<3>().maxCoeff()) * kDegrees;
     camera.place_sigma_mm = 1e3 * std::sqrt(place.diagonal().tail<3>().maxCoeff());
     cameras.push_back(solved.camera);
-    offsets.push_back(solved.time_offset_s);
     out.cameras.push_back(std::move(camera));
   }
   out.links = find_links(views, solution);
@@ -231,7 +229,7 @@ Result<RigReport> assess_rig(const CalibrationViews& views, const SolveOptions& 
     }
     used.views[v].corners = std::move(corners);
   }
-  out.rigidity = rigidity(used, cameras, offsets);
+  out.rigidity = rigidity(used, cameras);
   add_halves(views, options, solution, out);
   const std::vector<std::string> rolling = readout_remarks(views, options, solution);
   for (size_t c = 0; c < out.cameras.size(); ++c) {

@@ -175,7 +175,7 @@ Result<RigCheck> check_rig(const CalibrationViews& views,
   const double distance = median_distance(views, now);
   options.reference = find_anchor(old, now, distance);
   SL_ASSIGN(now, solve_rig(views, options));
-  std::vector<double> offsets;
+  std::vector<CalibratedCamera> timed = old;  // by its stamps of today
   out.in_order = true;
   for (size_t c = 0; c < old.size(); ++c) {
     CameraDrift camera;
@@ -194,10 +194,10 @@ Result<RigCheck> check_rig(const CalibrationViews& views,
     CalibratedCamera today = old[c];
     today.world_from_camera = old[c].world_from_camera * drift;
     out.now.push_back(std::move(today));
-    offsets.push_back(now.cameras[c].time_offset_s);
+    timed[c].time_offset_s = now.cameras[c].time_offset_s;
     out.cameras.push_back(std::move(camera));
   }
-  out.rigidity = rigidity(views, old, offsets);
+  out.rigidity = rigidity(views, timed);
   return out;
 }
 

@@ -39,8 +39,7 @@ void add_set(const CalibrationTarget& target, const std::map<int, Eigen::Vector3
 }  // namespace
 
 std::optional<RigidityReport> rigidity(const CalibrationViews& views,
-                                       const std::vector<CalibratedCamera>& cameras,
-                                       const std::vector<double>& time_offsets_s) {
+                                       const std::vector<CalibratedCamera>& cameras) {
   std::vector<std::vector<const TargetView*>> by_set(views.sets);
   for (const TargetView& view : views.views) by_set[view.set].push_back(&view);
   LengthSums sums;
@@ -48,13 +47,9 @@ std::optional<RigidityReport> rigidity(const CalibrationViews& views,
     if (set.size() < 2) continue;
     std::map<int, std::vector<PointSight>> sights;
     for (const TargetView* view : set) {
-      LensVector lens{};
       const CalibratedCamera& camera = cameras[view->camera];
-      lens[kTimeOffset] = time_offsets_s[view->camera];
-      lens[kReadout] = camera.readout_s;
       for (const TargetCorner& corner : view->corners) {
-        sights[corner.id].push_back(
-            {&camera, corner_at_set(*view, corner, lens.data(), camera.model.height()).pixel, 0.5});
+        sights[corner.id].push_back({&camera, pixel_at_set(*view, corner, camera), 0.5});
       }
     }
     std::map<int, Eigen::Vector3d> points;

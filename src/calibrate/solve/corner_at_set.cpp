@@ -37,4 +37,12 @@ CornerAtSet corner_at_set(const TargetView& view, const TargetCorner& corner, co
           -delay.by_offset * speed_then, -delay.by_readout * speed_then};
 }
 
+Eigen::Vector2d pixel_at_set(const TargetView& view, const TargetCorner& corner,
+                             const CalibratedCamera& camera) {
+  LensVector values{};
+  values[kTimeOffset] = camera.time_offset_s;
+  values[kReadout] = camera.readout_s;
+  return corner_at_set(view, corner, values.data(), camera.model.height()).pixel;
+}
+
 }  // namespace sightline::calibrate

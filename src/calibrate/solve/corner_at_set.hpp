@@ -23,4 +23,8 @@ struct CornerAtSet {
 CornerAtSet corner_at_set(const TargetView& view, const TargetCorner& corner, const double* values,
                           int height);
 
+/// The place alone, with time offset and read-out of a calibrated camera.
+Eigen::Vector2d pixel_at_set(const TargetView& view, const TargetCorner& corner,
+                             const CalibratedCamera& camera);
+
 }  // namespace sightline::calibrate

@@ -97,7 +97,7 @@ OutlineAgreement ModelTracker::find_outline(const Look& look, const ColorHistogr
 bool ModelTracker::print_missing() const {
   if (!print_) return false;
   const bool expected = print_->tried() >= size_t{kTexturedPoints};
-  return print_->given_up() || (expected && print_measurement_.found() < kLeadingPoints);
+  return print_->given_up() || (expected && print_measurement_.found().size() < kLeadingPoints);
 }
 
 bool print_in_place(const ObjectTracker::TrackResult& result) {

@@ -54,7 +54,7 @@ class ModelTracker {
   const PlacedOutline& outline() const { return outline_; }
 
   /// Points of the print that the last image shows.
-  std::span<const TexturePoints::Found> print_found() const { return print_measurement_.shown(); }
+  std::span<const TexturePoints::Found> print_found() const { return print_measurement_.found(); }
   /// The print of the sides in sight is not there in the last image: covered, or another object.
   bool print_missing() const;
 

@@ -60,7 +60,7 @@ TEST_F(FlatPrintTest, OneSideAtRestMayBeAPicture) {
   for (int i = 0; i < 100; ++i) EXPECT_EQ(look(at(0.001 * (i % 3), 1)), PrintSeen::kFlat);
   EXPECT_EQ(look(at(0, 1), {}), PrintSeen::kNone);
   EXPECT_EQ(look(at(0, 1), points_on(12, 9)), PrintSeen::kSolid);
-  EXPECT_EQ(look(at(0, 1)), PrintSeen::kFlat) << "the estimate remembers it";
+  EXPECT_EQ(look(at(0, 1)), PrintSeen::kSolid) << "it is the same thing";
 }
 
 // A quarter of 0.14 m.

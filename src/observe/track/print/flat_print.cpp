@@ -38,6 +38,7 @@ std::optional<Plane> common_plane(std::span<const TexturePoints::Found> points, 
         const auto on = std::count_if(points.begin(), points.end(), [&](const auto& point) {
           return plane.distance(point.point_in_object) <= tolerance;
         });
+        if (on == std::ssize(points)) return plane;
         if (on > most) {
           most = on;
           best = plane;
@@ -92,8 +93,9 @@ PrintSeen FlatPrint::judge(Time capture, const Rigid3& world_from_object,
   }
   seen_->at = capture;
   seen_->last = world_from_object;
-  seen_->moved |= way_from(seen_->first) > kMoved * size;
-  return seen_->moved || several_planes(points, diameter) ? PrintSeen::kSolid : PrintSeen::kFlat;
+  seen_->solid =
+      seen_->solid || way_from(seen_->first) > kMoved * size || several_planes(points, diameter);
+  return seen_->solid ? PrintSeen::kSolid : PrintSeen::kFlat;
 }
 
 }  // namespace sightline::observe

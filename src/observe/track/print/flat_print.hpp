@@ -32,7 +32,7 @@ class FlatPrint {
     Rigid3 first;  ///< world_from_object
     Rigid3 last = {};
     Time at{};
-    bool moved = false;
+    bool solid = false;
   };
 
   std::optional<Seen> seen_;

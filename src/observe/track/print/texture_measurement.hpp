@@ -29,8 +29,7 @@ class TextureMeasurement {
                       const Occluders& occluders, bool ambiguous, TexturePoints& points, int& used,
                       const PlacedOutline* moving = nullptr);
   /// Points that the last image showed, agreeing or not.
-  size_t found() const { return found_.size(); }
-  std::span<const TexturePoints::Found> shown() const { return found_; }
+  std::span<const TexturePoints::Found> found() const { return found_; }
   /// The pose of the last term, with the prior.
   const Rigid3& pose() const { return pose_; }
 
