@@ -226,6 +226,19 @@ class Detect(TemporaryFolder):
         with open(sheet, "rb") as file:
             self.assertEqual(file.read(4), b"\x89PNG")
 
+    def test_says_and_draws_what_tells_turns_that_look_alike(self):
+        sheet = self.path("turns.png")
+        cup = bundled("cup/objects/cup.toml")
+        answer = json.loads(sightline("model", cup, "--no-cache", "--json", "--turns", sheet)[0])
+        axis = answer["nearly_symmetric"][0]
+        self.assertTrue(axis["any_turn"])
+        self.assertLess(axis["told"]["least_percent"], 2)
+        self.assertGreater(axis["told"]["most_percent"], 5)
+        x, y, _ = axis["told"]["around_mm"]
+        self.assertGreater((x * x + y * y) ** 0.5, 40)  # the handle, beside a body of 40 mm
+        with open(sheet, "rb") as file:
+            self.assertEqual(file.read(4), b"\x89PNG")
+
     def test_explains_where_the_truth_is(self):
         answer = json.loads(sightline("detect", bundled("valve"), "--limit", "1", "--explain", "--json")[0])
         explanation = answer["sets"][0]["explanation"]

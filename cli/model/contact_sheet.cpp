@@ -1,41 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "contact_sheet.hpp"
+#include "model/contact_sheet.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-#include "sightline/image/convert.hpp"
+#include "model/sheet.hpp"
 
 namespace sightline::cli {
 namespace {
 
 constexpr int kColumns = 8, kRows = 5, kCell = 240;  // [px]
 
-struct Color {
-  uint8_t y, u, v;
-};
-constexpr Color kYellow{210, 16, 146}, kGreen{145, 54, 34}, kBlue{120, 200, 90};
-
-class Sheet {
- public:
-  Sheet() : image_(std::make_shared<Image>(kColumns * kCell, kRows * kCell)) {
-    fill_plane(image_->mutable_view().y, 16);
-    fill_plane(image_->mutable_view().u, 128);
-    fill_plane(image_->mutable_view().v, 128);
-  }
-
-  void dot(int x, int y, const Color& color) {
-    const MutableI420View view = image_->mutable_view();
-    if (x < 0 || y < 0 || x >= view.width() || y >= view.height()) return;
-    view.y.row(y)[x] = color.y;
-    view.u.row(y / 2)[x / 2] = color.u;
-    view.v.row(y / 2)[x / 2] = color.v;
-  }
-  const std::shared_ptr<Image>& image() const { return image_; }
-
- private:
-  std::shared_ptr<Image> image_;
-};
+constexpr SheetColor kYellow{210, 16, 146}, kGreen{145, 54, 34}, kBlue{120, 200, 90};
 
 Result<CameraModel> sheet_camera(const ViewpointModel& model) {
   CameraModel::Parameters parameters;
@@ -63,14 +39,14 @@ class CellPainter {
       }
     }
   }
-  void point(const Eigen::Vector3f& point_in_object, const Color& color) {
+  void point(const Eigen::Vector3f& point_in_object, const SheetColor& color) {
     const auto pixel = camera_.project(view_.camera_from_object * point_in_object.cast<double>());
     if (!pixel) return;
     sheet_.dot(left_ + static_cast<int>(std::lround(pixel->x())),
                top_ + static_cast<int>(std::lround(pixel->y())), color);
   }
   void stroke(const Eigen::Vector3f& start, const Eigen::Vector3f& along, float length,
-              const Color& color) {
+              const SheetColor& color) {
     for (int i = 0; i <= 6; ++i) point(start + static_cast<float>(i) / 6 * length * along, color);
   }
 
@@ -88,14 +64,14 @@ Result<std::shared_ptr<const Image>> draw_contact_sheet(const ViewpointModel& mo
   SL_ASSIGN(const CameraModel camera, sheet_camera(model));
   const std::unique_ptr<DepthRenderer> renderer = factory(camera);
   const auto pixel = static_cast<float>(2 * model.radius() / (0.92 * kCell));
-  Sheet sheet;
+  Sheet sheet(kColumns * kCell, kRows * kCell);
   for (int i = 0; i < kColumns * kRows; ++i) {
     const size_t index = model.size() * static_cast<size_t>(i) / (kColumns * kRows);
     const View view = model.view(index);
     CellPainter painter(sheet, camera, view, i % kColumns * kCell, i / kColumns * kCell);
     painter.depth(renderer->render(view.camera_from_object), model);
     for (const InnerEdgeSample& edge : view.edges) {
-      const Color& color = edge.crease != 0 ? kGreen : kBlue;
+      const SheetColor& color = edge.crease != 0 ? kGreen : kBlue;
       painter.stroke(edge.point, edge.tangent, 2 * pixel, color);
     }
     for (const ContourSample& sample : view.contour) {
