@@ -40,7 +40,7 @@ export class CapturePanel {
   private readonly form = make("form", "capture-form");
   private readonly target = make("select");
   private readonly file = make("input");
-  private readonly flags = new Map<"keep_lenses" | "moving" | "resume", HTMLInputElement>();
+  private readonly flags = new Map<"keep_lenses" | "moving" | "readouts" | "resume", HTMLInputElement>();
   private readonly begin = make("button", "", "Start");
   private readonly open = make("button", "", "Capture views of a target");
   private readonly grids = new Map<string, SVGElement>();
@@ -79,7 +79,7 @@ export class CapturePanel {
     other.append(this.file);
     const marks = make("fieldset", "marks");
     marks.append(make("legend", "", "Capture"));
-    for (const [key, text] of [["keep_lenses", "keep the lenses"], ["moving", "board in motion"], ["resume", "go on with the last"]] as const) {
+    for (const [key, text] of [["keep_lenses", "keep the lenses"], ["moving", "board in motion"], ["readouts", "rolling shutters"], ["resume", "go on with the last"]] as const) {
       const box = make("input"), label = make("label");
       box.type = "checkbox";
       label.append(box, text);

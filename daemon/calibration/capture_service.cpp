@@ -91,9 +91,11 @@ Result<CaptureSessionOptions> session_options(const CaptureOrder& order,
       .target = std::move(target), .window = 0, .solve = {}, .guide = {}, .earlier = {}};
   options.live = true;
   options.solve.time_offsets = options.guide.moving = order.moving;
+  options.solve.readouts = order.readouts;
   for (const size_t i : cameras) {
     const CameraModel& lens = installation.cameras[i].calibration.model;
     CameraPrior prior{lens.parameters().lens, {}};
+    prior.readout_s = installation.cameras[i].calibration.readout_s;
     if (order.keep_lenses) prior.known = lens;
     options.solve.cameras.push_back(prior);
   }
@@ -138,6 +140,7 @@ Result<fs::path> CaptureService::start(const CaptureOrder& order,
   SL_ASSIGN(about.folder, make_folder(about.since_utc_ns));
   about.target = options.target.describe();
   about.moving = order.moving;
+  about.readouts = order.readouts;
   about.keep_lenses = order.keep_lenses;
   about.needs = options.guide;
   SL_ASSIGN(run->session, CaptureSession::start(installation, cameras, options));

@@ -32,7 +32,7 @@ struct CaptureShown {
   std::string words;  ///< what to do next, or what came of it
   std::string hint;   ///< what came of the newest image
   std::string target;
-  bool moving = false, keep_lenses = false;
+  bool moving = false, readouts = false, keep_lenses = false;
   std::filesystem::path folder;  ///< where its files are
   int64_t since_utc_ns = 0;
   CaptureGuideOptions needs;

@@ -80,6 +80,7 @@ std::string capture_json(const CaptureShown& shown) {
   json["sets"] = shown.state.sets;
   json["target"] = shown.target;
   json["moving"] = shown.moving;
+  json["readouts"] = shown.readouts;
   json["keep_lenses"] = shown.keep_lenses;
   json["folder"] = shown.folder.string();
   json["since"] = utc_text(shown.since_utc_ns);

@@ -237,8 +237,8 @@ Result<CaptureOrder> parse_capture(std::string_view body) {
   CaptureOrder order;
   if (body.empty()) return order;
   SL_ASSIGN(const Json json, parse_object(body));
-  SL_RETURN_IF_ERROR(
-      only_keys(json, {"target", "target_toml", "cameras", "keep_lenses", "moving", "resume"}));
+  SL_RETURN_IF_ERROR(only_keys(
+      json, {"target", "target_toml", "cameras", "keep_lenses", "moving", "readouts", "resume"}));
   for (const auto& [key, text] :
        {std::pair("target", &order.target), std::pair("target_toml", &order.target_toml)}) {
     if (!json.contains(key)) continue;
@@ -253,12 +253,15 @@ Result<CaptureOrder> parse_capture(std::string_view body) {
   }
   for (const auto& [key, flag] :
        {std::pair("keep_lenses", &order.keep_lenses), std::pair("moving", &order.moving),
-        std::pair("resume", &order.resume)}) {
+        std::pair("readouts", &order.readouts), std::pair("resume", &order.resume)}) {
     if (!json.contains(key)) continue;
     if (!json.at(key).is_boolean()) {
       return wrong(fmt::format("\"{}\" has to be true or false", key));
     }
     *flag = json.at(key).get<bool>();
+  }
+  if (order.readouts && !order.moving) {
+    return wrong("\"readouts\" needs \"moving\": rows tell their times by a target in motion");
   }
   SL_ASSIGN(order.cameras, camera_names(json));
   return order;

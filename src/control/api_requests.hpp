@@ -40,7 +40,7 @@ Result<OverlayRequest> parse_overlay(std::string_view body);
 Result<std::vector<std::string>> parse_cameras(std::string_view body);
 
 /// Body of an order to capture: {"target" or "target_toml", "cameras": [...], "keep_lenses",
-/// "moving", "resume": true or false}, all optional.
+/// "moving", "readouts", "resume": true or false}, all optional; "readouts" with "moving".
 Result<CaptureOrder> parse_capture(std::string_view body);
 
 /// "camera" (several), "annotated" (0 or 1), "rate_hz" (0.1 .. 240).

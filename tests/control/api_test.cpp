@@ -187,6 +187,7 @@ TEST_F(Api, AnOrderToCaptureArrivesAndNothingElseDoes) {
       {R"({"target":""})", "has to be a text"},
       {R"({"target":"a","target_toml":"b"})", "one too many"},
       {R"({"moving":"yes"})", "\\\"moving\\\" has to be true or false"},
+      {R"({"readouts":true})", "needs \\\"moving\\\""},
       {R"({"cameras":[]})", "list of names"},
       {R"({"cameras":[1]})", "list of names"},
       {R"({"folder":"/tmp"})", "\\\"folder\\\" is not known"},
@@ -205,6 +206,8 @@ TEST_F(Api, AnOrderToCaptureArrivesAndNothingElseDoes) {
   EXPECT_EQ(capture_->target, "a.toml");
   EXPECT_EQ(capture_->cameras, std::vector<std::string>{"left"});
   EXPECT_TRUE(capture_->keep_lenses && capture_->resume && !capture_->moving);
+  EXPECT_THAT(order(R"({"moving":true,"readouts":true})"), HasSubstr("202"));
+  EXPECT_TRUE(capture_->moving && capture_->readouts);
 }
 
 TEST_F(Api, BodiesHaveALimitAndAType) {

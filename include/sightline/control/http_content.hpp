@@ -109,6 +109,7 @@ struct CaptureOrder {
   std::vector<std::string> cameras{};  ///< by name; empty: all
   bool keep_lenses = false;            ///< as they are in force: only places are solved for
   bool moving = false;                 ///< the target need not be held still
+  bool readouts = false;               ///< those of rolling shutters are solved for; with moving
   bool resume = false;                 ///< goes on with the views of the newest capture
 };
 

@@ -5,7 +5,9 @@ with a good report, or is stopped; what is in force stays as it is, live streams
 that was taken. And the same at the page, in a browser (skipped without Chromium)."""
 import json
 import os
+import re
 import shutil
+import subprocess
 import sys
 import unittest
 
@@ -15,7 +17,7 @@ from accessibility_test import CONTRAST  # noqa: E402
 from api_test import Client, fault  # noqa: E402
 from browser import Browser, chromium  # noqa: E402
 from calibrate_capture_test import Recorded  # noqa: E402
-from support import WAIT_S, DaemonCase, read_text, sightline, wait_until  # noqa: E402
+from support import BIN, WAIT_S, DaemonCase, read_text, sightline, wait_until  # noqa: E402
 
 CAPTURE = "/api/v1/calibration/capture"
 
@@ -23,7 +25,8 @@ CAPTURE = "/api/v1/calibration/capture"
 class Desk(Recorded, DaemonCase):
     def installation(self, extra="", cameras=("left", "right")):
         """The calibration in force is beside it, and a target; so is what is no target."""
-        shutil.copy(os.path.join(self.recording, "calibration.toml"), self.path("force.toml"))
+        force = read_text(os.path.join(self.recording, "calibration.toml"))
+        self.write("force.toml", force.replace("\nfx = ", "\nreadout_s = 0.01\nfx = ", 1))  # left is a rolling shutter
         shutil.copy(self.target(), self.path("board.toml"))
         shutil.copy(os.path.join(self.recording, "wall.toml"), self.path("wall.toml"))
         text = 'name = "test"\ncalibration = "force.toml"\n'
@@ -121,6 +124,7 @@ class Orders(Desk):
         made, force = (self.calibration(os.path.join(folder, name)) for folder, name in
                        ((stopped["folder"], "calibration.toml"), (self.folder, "force.toml")))
         self.assertAlmostEqual(made["left"]["fx"], force["left"]["fx"], places=6)
+        self.assertEqual((made["left"]["readout_s"], made["right"].get("readout_s", 0)), (0.01, 0))
         self.order(client, target="board.toml", keep_lenses=True, resume=True)
         more = self.wait_for(client, lambda now: now["state"] == "running", "it goes on")
         self.assertGreaterEqual(more["sets"], stopped["sets"])
@@ -133,6 +137,24 @@ class Orders(Desk):
         daemon.process.wait(timeout=WAIT_S)
         self.assertGreaterEqual(self.sets(more["folder"]), taken)
 
+    def test_readouts_of_rolling_shutters_are_solved_for(self):
+        self.recording = self.path("rolling")
+        subprocess.run([os.path.join(BIN, "make_board_recording"), self.recording, "--moving", "--poses", "14", "--readout",
+                        "0.03"], check=True, timeout=8 * WAIT_S)
+        true = self.calibration(os.path.join(self.recording, "calibration.toml"))
+        installation = self.installation()
+        self.write("force.toml", re.sub(r"readout_s = .*\n", "", read_text(self.path("force.toml"))))
+        daemon = self.start(installation)
+        client = Client(daemon.http)
+        wait_until(lambda: client.get("/readyz")[0] == 200, "it is ready")
+        self.order(client, target="board.toml", keep_lenses=True, moving=True, readouts=True)
+        self.wait_for(client, lambda now: now["sets"] >= 10 or now["state"] == "done", "ten sets are taken")
+        self.assertTrue(self.capture(client)["readouts"])
+        client.post(f"{CAPTURE}/stop")
+        done = self.wait_for(client, lambda now: now["state"] == "done", "it is solved")
+        for name, camera in self.calibration(os.path.join(done["folder"], "calibration.toml")).items():
+            self.assertLess(abs(camera["readout_s"] - true[name]["readout_s"]), 0.003, name)
+
     def test_what_cannot_be_captured_is_refused_by_name(self):
         daemon = self.start(self.installation())
         client = Client(daemon.http)
@@ -143,7 +165,7 @@ class Orders(Desk):
                                     ({"target_toml": wall}, 400, "fixed = true"), ({"target_toml": "x = 1"}, 400, "target_toml"),
                                     ({"target": "board.toml", "target_toml": wall}, 400, "one too many"),
                                     ({"cameras": ["nobody"]}, 400, "there is no such camera"), ({"cameras": ["left", "left"]}, 400, "twice"),
-                                    ({"cameras": []}, 400, "list of names"), ({"moving": 1}, 400, "true or false"),
+                                    ({"cameras": []}, 400, "list of names"), ({"moving": 1}, 400, "true or false"), ({"readouts": True}, 400, "needs \"moving\""),
                                     ({"resume": True}, 400, "no earlier capture"), ({"folder": "/tmp"}, 400, "is not known")):
             got, answer = client.post(f"{CAPTURE}/start", body)
             self.assertEqual(got, status, (body, answer))
