@@ -3,7 +3,9 @@
 # Builds targets of this tree with Debian 13's compiler and libraries, in a tree of Debian packages that is
 # made once and kept in the rig's cache. Programs land in build/trixie/ of this source tree.
 #
-#   build-trixie.sh [-j jobs] [target...]      default: capture_probe
+#   build-trixie.sh [-j jobs] [-t regex] [target...]      default: capture_probe
+#       -t  runs the tests of that name there, too: build-trixie.sh -t '_test$' all
+#           (those that need real processes are named system_*, and need more than is installed there)
 #   build-trixie.sh -l                         prints the tree's directory, without building it
 #
 # Needs root (debootstrap, chroot) and debootstrap. First run: some minutes, 2 GB of disk.
@@ -13,9 +15,9 @@ source_dir=$(readlink -f "$here/../..")
 export VMRIG_SUITE=trixie
 # shellcheck source=config.sh
 . "$here/config.sh"
-jobs=2 only_print=''
-while getopts j:l o; do
-    case "$o" in j) jobs=$OPTARG ;; l) only_print=1 ;; *) exit 2 ;; esac
+jobs=2 only_print='' tests=''
+while getopts j:t:l o; do
+    case "$o" in j) jobs=$OPTARG ;; t) tests=$OPTARG ;; l) only_print=1 ;; *) exit 2 ;; esac
 done
 shift $((OPTIND - 1))
 [ $# -gt 0 ] || set -- capture_probe
@@ -57,12 +59,14 @@ mkdir -p "$root$source_dir" "$source_dir/build/trixie"
 ulimit -c 0
 # The same path inside, so that messages and debugging information name the files as they are here.
 exec unshare -m bash -c '
-    root=$1 source_dir=$2 jobs=$3; shift 3
+    root=$1 source_dir=$2 jobs=$3 tests=$4; shift 4
     mount -t proc proc "$root/proc"
     mount --bind "$source_dir" "$root$source_dir"
     exec chroot "$root" /usr/bin/env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root LANG=C.UTF-8 \
-        /bin/bash -c "cd \"\$1\" && shift && jobs=\$1 && shift &&
+        /bin/bash -c "cd \"\$1\" && shift && jobs=\$1 && tests=\$2 && shift 2 &&
             cmake -S . -B build/trixie -G Ninja -DCMAKE_BUILD_TYPE=Release >build/trixie.log 2>&1 ||
                 { tail -n 30 build/trixie.log >&2; exit 1; }
-            exec cmake --build build/trixie -j \"\$jobs\" --target \"\$@\"" bash "$source_dir" "$jobs" "$@"
-' bash "$root" "$source_dir" "$jobs" "$@"
+            cmake --build build/trixie -j \"\$jobs\" --target \"\$@\" || exit
+            [ -z \"\$tests\" ] || exec ctest --test-dir build/trixie -j \"\$jobs\" --output-on-failure -R \"\$tests\"" \
+                bash "$source_dir" "$jobs" "$tests" "$@"
+' bash "$root" "$source_dir" "$jobs" "$tests" "$@"
