@@ -471,6 +471,23 @@ TEST(FiducialObserver, ManyAreMadeAtATime) {
   }
 }
 
+// The library keeps the codes of a family once for all detectors.
+TEST(FiducialObserver, EveryCameraKnowsTheSameIds) {
+  const CalibratedCamera camera = test::test_camera();
+  ObjectDescription object = tag_object("tag36h11", 1);
+  const Eigen::Vector3d beside(0.2, 0, 0);
+  object.fiducials.push_back({"tag36h11", 2, kTagSize, Rigid3({1, 0, 0, 0}, beside)});
+  const MarkerPrint second = test::apriltag_print("tag36h11", 2, kTagSize);
+  const Rigid3 pose = facing(0.5, 0.3, 0.2, {-0.15, 0.02, 0.7});
+  const FramePtr frame = shoot_tag(camera, second, pose * object.fiducials[1].object_from_fiducial);
+  for (int i = 0; i < 4; ++i) {  // as many cameras, made one after the other
+    auto observer = make_observer(camera, {object});
+    const Observation seen = look(*observer, *frame);
+    ASSERT_FALSE(seen.hypotheses.empty()) << i;
+    EXPECT_THAT(seen.hypotheses.at(0).world_from_object, PoseNear(pose, 3 * kDegree, 0.015)) << i;
+  }
+}
+
 TEST(FiducialObserver, RefusesWhatCannotBeObserved) {
   const CalibratedCamera camera = test::test_camera();
   const auto create = [&](ObjectDescription a, std::optional<ObjectDescription> b = {}) {

@@ -45,13 +45,29 @@ const FamilyMaker* find_family(const std::string& name) {
   return nullptr;
 }
 
-using FamilyPtr = std::unique_ptr<apriltag_family_t, void (*)(apriltag_family_t*)>;
+/// Gives the library its own table back: versions before 3.2 free it.
+struct DestroyFamily {
+  void (*destroy)(apriltag_family_t*);
+  uint64_t* codes;
+  void operator()(apriltag_family_t* family) const {
+    family->codes = codes;
+    destroy(family);
+  }
+};
+using FamilyPtr = std::unique_ptr<apriltag_family_t, DestroyFamily>;
 
-/// A family reduced to the codes in use.
+FamilyPtr make_family(const FamilyMaker& maker) {
+  apriltag_family_t* const family = maker.create();
+  return FamilyPtr(family, DestroyFamily{maker.destroy, family->codes});
+}
+
+/// A family reduced to the codes in use. The library's families of one name share one table of
+/// codes, so that this has its own.
 struct UsedFamily {
   FamilyPtr family;
   bool half_turn;
-  std::vector<int> codes;  ///< of the detector, by index in the reduced family
+  std::vector<int> codes;       ///< of the detector, by index in the reduced family
+  std::vector<uint64_t> table;  ///< by the same index
 };
 
 /// How many wrong bits are safe: short codes collide with clutter when bits are forgiven.
@@ -146,24 +162,23 @@ Result<std::unique_ptr<SquareDetector>> make_apriltag_detector(const std::vector
                                                                const std::string& where) {
   std::vector<UsedFamily> families;
   for (const FamilyMaker& maker : kFamilies) {
-    UsedFamily used{FamilyPtr(nullptr, maker.destroy), maker.half_turn, {}};
-    std::vector<uint64_t> bits;
+    UsedFamily used{FamilyPtr(nullptr, DestroyFamily{}), maker.half_turn, {}, {}};
     for (size_t i = 0; i < codes.size(); ++i) {
       if (codes[i].family != maker.name) continue;
-      if (!used.family) used.family.reset(maker.create());
+      if (!used.family) used.family = make_family(maker);
       const uint32_t count = used.family->ncodes;
       if (codes[i].id < 0 || static_cast<uint32_t>(codes[i].id) >= count) {
         return make_error(ErrorCode::kInvalidInput, where, "{} has no id {}: it has 0 to {}",
                           maker.name, codes[i].id, count - 1);
       }
-      bits.push_back(used.family->codes[codes[i].id]);
+      used.table.push_back(used.family->codes[codes[i].id]);
       used.codes.push_back(static_cast<int>(i));
     }
     if (!used.family) continue;
     // Only our own codes: foreign tags cost nothing, and the look-up table of the large families
     // (tens of thousands of codes, each with its one-bit neighbors) stays small.
-    std::copy(bits.begin(), bits.end(), used.family->codes);
-    used.family->ncodes = static_cast<uint32_t>(bits.size());
+    used.family->codes = used.table.data();
+    used.family->ncodes = static_cast<uint32_t>(used.table.size());
     families.push_back(std::move(used));
   }
   return std::unique_ptr<SquareDetector>(
@@ -173,7 +188,7 @@ Result<std::unique_ptr<SquareDetector>> make_apriltag_detector(const std::vector
 std::vector<bool> apriltag_modules(const std::string& name, int id) {
   const FamilyMaker* maker = find_family(name);
   if (maker == nullptr) return {};
-  const FamilyPtr family(maker->create(), maker->destroy);
+  const FamilyPtr family = make_family(*maker);
   const bool data_inside = family->total_width == family->width_at_border + 2;
   if (id < 0 || id >= static_cast<int>(family->ncodes) || !data_inside || family->reversed_border) {
     return {};
