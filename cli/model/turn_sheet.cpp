@@ -13,8 +13,8 @@ namespace {
 
 constexpr int kMapColumns = 36, kMapRows = 18;  // sides 10 degrees apart
 constexpr double kBright = 0.1;                 // share that is drawn white
-using Pixel = TurnComparison::Pixel;
-// By Pixel: nothing, the same, only as it is, only turned, another surface, another color.
+// By TurnComparison::Pixel: nothing, the same, only as it is, only turned, another surface, another
+// color.
 constexpr std::array<SheetColor, 6> kColors = {{{16, 128, 128},
                                                 {60, 128, 128},
                                                 {170, 50, 180},
@@ -59,8 +59,8 @@ class RowPainter {
 
  private:
   void object(const TurnComparer::Picture& picture) {
-    const auto [nearest, farthest] = depths(picture);
-    cell([&](size_t at) {
+    const auto [least, most] = depths(picture);
+    cell([&picture, nearest = least, farthest = most](size_t at) {
       if (!(picture.depth[at] > 0)) return kColors[0];
       if (!picture.color[0].empty()) {
         return SheetColor{picture.color[0][at], picture.color[1][at], picture.color[2][at]};

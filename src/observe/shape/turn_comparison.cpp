@@ -19,8 +19,8 @@ using Pixel = TurnComparison::Pixel;
 
 }  // namespace
 
-TurnComparer::TurnComparer(const Eigen::Vector3d& center, double radius, CameraModel camera)
-    : center_(center), radius_(radius), camera_(std::move(camera)) {}
+TurnComparer::TurnComparer(const Eigen::Vector3d& center, double radius, const CameraModel& camera)
+    : center_(center), radius_(radius), camera_(camera) {}
 
 Result<TurnComparer> TurnComparer::create(const Eigen::Vector3d& center, double radius, int side,
                                           const DepthRendererFactory& depth,
@@ -32,8 +32,8 @@ Result<TurnComparer> TurnComparer::create(const Eigen::Vector3d& center, double 
   parameters.width = parameters.height = side;
   parameters.fx = parameters.fy = 0.5 * kFilled * side / std::tan(std::asin(1 / kDistance));
   parameters.cx = parameters.cy = 0.5 * (side - 1);
-  SL_ASSIGN(CameraModel camera, CameraModel::create(parameters, "turns"));
-  TurnComparer comparer(center, radius, std::move(camera));
+  SL_ASSIGN(const CameraModel camera, CameraModel::create(parameters, "turns"));
+  TurnComparer comparer(center, radius, camera);
   if (colors) {
     comparer.colors_ = colors(comparer.camera_);
   } else {
@@ -93,8 +93,8 @@ TurnComparison TurnComparer::compare(const Eigen::Vector3d& direction, const Rig
     out.pixels.push_back(pixel(at));
     ++count[static_cast<size_t>(out.pixels.back())];
     if (out.pixels.back() == Pixel::kSame || !(as_is_.depth[at] > 0)) continue;
-    const auto x = static_cast<double>(at % static_cast<size_t>(side()));
-    const auto y = static_cast<double>(at / static_cast<size_t>(side()));
+    const auto row = static_cast<int>(at) / side();
+    const double x = static_cast<int>(at) - row * side(), y = row;
     const CameraModel::Parameters& lens = camera_.parameters();
     differs += double{as_is_.depth[at]} *
                Eigen::Vector3d((x - lens.cx) / lens.fx, (y - lens.cy) / lens.fy, 1);

@@ -71,7 +71,7 @@ class TurnComparer {
   int side() const { return camera_.width(); }
 
  private:
-  TurnComparer(const Eigen::Vector3d& center, double radius, CameraModel camera);
+  TurnComparer(const Eigen::Vector3d& center, double radius, const CameraModel& camera);
   void draw(const Rigid3& camera_from_object, Picture& picture);
   TurnComparison::Pixel pixel(size_t at) const;
 
