@@ -21,7 +21,6 @@
 #include "sightline/pipeline/mesh_color_renderer.hpp"
 #include "sightline/pipeline/mesh_depth_renderer.hpp"
 #include "sightline/pipeline/object_views.hpp"
-#include "sightline/pipeline/painted_mesh.hpp"
 #include "sightline/record/overlay_video.hpp"
 
 namespace sightline::cli {

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "sightline/pipeline/painted_mesh.hpp"
-
 #include "pipeline/rendered_features.hpp"
 #include "sightline/geometry/mesh_surface.hpp"
+#include "sightline/pipeline/mesh_color_renderer.hpp"
 #include "sightline/pipeline/surface_samples.hpp"
 #include "sightline/render/mesh/mesh_paint.hpp"
 
