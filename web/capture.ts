@@ -79,13 +79,17 @@ export class CapturePanel {
     other.append(this.file);
     const marks = make("fieldset", "marks");
     marks.append(make("legend", "", "Capture"));
-    for (const [key, text] of [["keep_lenses", "keep the lenses"], ["moving", "board in motion"], ["readouts", "rolling shutters"], ["resume", "go on with the last"]] as const) {
+    for (const [key, text] of [["keep_lenses", "keep the lenses"], ["moving", "board in motion"], ["readouts", "solve for rolling shutters"], ["resume", "go on with the last"]] as const) {
       const box = make("input"), label = make("label");
       box.type = "checkbox";
       label.append(box, text);
       this.flags.set(key, box);
       marks.append(label);
     }
+    // Read-outs are told by a board in motion alone.
+    const moving = this.flags.get("moving"), readouts = this.flags.get("readouts");
+    readouts?.addEventListener("change", () => { if (moving && readouts.checked) moving.checked = true; });
+    moving?.addEventListener("change", () => { if (readouts && !moving.checked) readouts.checked = false; });
     this.begin.type = "submit";
     const bar = make("div", "do");
     bar.append(this.begin);

@@ -13,7 +13,7 @@
 
 #include "commands.hpp"
 #include "model/contact_sheet.hpp"
-#include "model/turn_sheet.hpp"
+#include "model/symmetry_sheet.hpp"
 #include "report.hpp"
 #include "sightline/base/time.hpp"
 #include "sightline/config/object_file.hpp"
@@ -32,11 +32,11 @@ struct ModelOptions {
   std::filesystem::path cache;  ///< folder; empty: the user's
   bool no_cache = false;
   std::filesystem::path contact_sheet;  ///< contact sheet (PNG); empty: none
-  std::filesystem::path turns;          ///< picture of what tells turns (PNG); empty: none
+  std::filesystem::path symmetries;     ///< picture of near symmetries (PNG); empty: none
   bool json = false;
 };
 
-constexpr int kListSide = 128, kSheetSide = 160, kMapSide = 64;  // of pictures of turns [px]
+constexpr int kListSide = 128, kSheetSide = 160, kMapSide = 64;  // pictures to compare [px]
 
 using Json = nlohmann::ordered_json;
 
@@ -92,7 +92,7 @@ Json to_json(const Eigen::Vector3d& v) {
 
 double percent(double share) { return std::round(1000 * share) / 10; }
 
-Json to_json(const ListedTurn& listed, size_t row) {
+Json to_json(const ListedSymmetry& listed, size_t row) {
   const NearSymmetry& symmetry = listed.symmetry;
   const double degrees = std::round(symmetry.turn.angle() * 180 / std::numbers::pi);
   Json json{{"row", row},
@@ -105,22 +105,22 @@ Json to_json(const ListedTurn& listed, size_t row) {
             {"hidden_from", to_json(symmetry.hides)},
             {"most_percent", percent(symmetry.most)},
             {"shown_from", to_json(symmetry.shows)}};
-  json["told"] = {{"mean_percent", percent(listed.told.mean)},
-                  {"least_percent", percent(listed.told.least)},
-                  {"hidden_from", to_json(listed.told.hidden_from)},
-                  {"most_percent", percent(listed.told.most)},
-                  {"of_it_color_percent", percent(listed.told.color)},
-                  {"shown_from", to_json(listed.told.shown_from)}};
-  if (listed.told.told_by) {
-    json["told"]["around_mm"] = to_json(1e3 * *listed.told.told_by);
+  json["broken_by"] = {{"mean_percent", percent(listed.broken_by.mean)},
+                       {"least_percent", percent(listed.broken_by.least)},
+                       {"hidden_from", to_json(listed.broken_by.hidden_from)},
+                       {"most_percent", percent(listed.broken_by.most)},
+                       {"of_it_color_percent", percent(listed.broken_by.color)},
+                       {"shown_from", to_json(listed.broken_by.shown_from)}};
+  if (listed.broken_by.centroid) {
+    json["broken_by"]["centroid_mm"] = to_json(1e3 * *listed.broken_by.centroid);
   }
   return json;
 }
 
-// What tells turns of the object apart, in two lines each.
+// Near symmetries and what breaks them, in two lines each.
 void print_near_symmetries(const Json& symmetries) {
   for (const Json& s : symmetries) {
-    const Json& told = s["told"];
+    const Json& by = s["broken_by"];
     fmt::print(
         "nearly symmetric, row {:<4}  {}{:.0f} deg about {}: {:.1f} % of the silhouette "
         "differ, {:.1f} % of the surface\n",
@@ -128,12 +128,12 @@ void print_near_symmetries(const Json& symmetries) {
         s["turn_deg"].get<double>(), s["axis"].dump(),
         s["silhouette_differs_percent"].get<double>(), s["surface_differs_percent"].get<double>());
     fmt::print(
-        "{:<26} told by {:.1f} % of what is seen from {} (color alone {:.1f} %){}, by "
+        "{:<26} broken by {:.1f} % of what is seen from {} (color alone {:.1f} %){}, by "
         "{:.1f} % from {}\n",
-        "", told["most_percent"].get<double>(), told["shown_from"].dump(),
-        told["of_it_color_percent"].get<double>(),
-        told.contains("around_mm") ? ", around " + told["around_mm"].dump() + " mm" : "",
-        told["least_percent"].get<double>(), told["hidden_from"].dump());
+        "", by["most_percent"].get<double>(), by["shown_from"].dump(),
+        by["of_it_color_percent"].get<double>(),
+        by.contains("centroid_mm") ? ", around " + by["centroid_mm"].dump() + " mm" : "",
+        by["least_percent"].get<double>(), by["hidden_from"].dump());
   }
 }
 
@@ -147,31 +147,32 @@ std::vector<Rigid3> other_turns(const NearSymmetry& axis) {
   return turns;
 }
 
-std::vector<ListedTurn> list_turns(const NearSymmetries& near, TurnComparer& comparer) {
-  std::vector<ListedTurn> out;
+std::vector<ListedSymmetry> list_symmetries(const NearSymmetries& near,
+                                            SymmetryComparer& comparer) {
+  std::vector<ListedSymmetry> out;
   for (const NearSymmetry& axis : near.axes) out.push_back({axis, other_turns(axis), {}});
   for (const NearSymmetry& turn : near.turns) out.push_back({turn, {turn.transform}, {}});
-  for (ListedTurn& listed : out) listed.told = comparer.from_all_sides(listed.turns);
+  for (ListedSymmetry& listed : out) listed.broken_by = comparer.from_all_sides(listed.turns);
   return out;
 }
 
-Result<TurnComparer> comparer_of(const LoadedMesh& mesh, int side) {
+Result<SymmetryComparer> comparer_of(const LoadedMesh& mesh, int side) {
   const RenderMesh& shape = *mesh.painted;
-  return TurnComparer::create(
+  return SymmetryComparer::create(
       shape.center.cast<double>(), double{shape.radius}, side,
       mesh_depth_renderer_factory(mesh.painted),
       shape.paint.empty() ? ColorRendererFactory() : mesh_color_renderer_factory(mesh.painted));
 }
 
-Status write_turn_sheet(const LoadedMesh& mesh, std::span<const ListedTurn> turns,
-                        const std::filesystem::path& file) {
-  if (turns.empty()) {
+Status write_symmetry_sheet(const LoadedMesh& mesh, std::span<const ListedSymmetry> symmetries,
+                            const std::filesystem::path& file) {
+  if (symmetries.empty()) {
     return make_error(ErrorCode::kInvalidInput, file.string(),
                       "nothing to draw: no turn of the object looks nearly the same");
   }
-  SL_ASSIGN(TurnComparer comparer, comparer_of(mesh, kSheetSide));
-  SL_ASSIGN(TurnComparer coarse, comparer_of(mesh, kMapSide));
-  SL_ASSIGN(const auto sheet, draw_turn_sheet(turns, comparer, coarse));
+  SL_ASSIGN(SymmetryComparer comparer, comparer_of(mesh, kSheetSide));
+  SL_ASSIGN(SymmetryComparer coarse, comparer_of(mesh, kMapSide));
+  SL_ASSIGN(const auto sheet, draw_symmetry_sheet(symmetries, comparer, coarse));
   return write_png(file, sheet->view());
 }
 
@@ -192,15 +193,15 @@ Result<Json> run(const ModelOptions& options) {
   }
   json.update(statistics(*model));
   SL_ASSIGN(const NearSymmetries near, find_near_symmetries(mesh, factory));
-  SL_ASSIGN(TurnComparer comparer, comparer_of(loaded, kListSide));
-  const std::vector<ListedTurn> turns = list_turns(near, comparer);
+  SL_ASSIGN(SymmetryComparer comparer, comparer_of(loaded, kListSide));
+  const std::vector<ListedSymmetry> symmetries = list_symmetries(near, comparer);
   json["nearly_symmetric"] = Json::array();
-  for (const ListedTurn& turn : turns) {
-    json["nearly_symmetric"].push_back(to_json(turn, json["nearly_symmetric"].size() + 1));
+  for (const ListedSymmetry& symmetry : symmetries) {
+    json["nearly_symmetric"].push_back(to_json(symmetry, json["nearly_symmetric"].size() + 1));
   }
-  if (!options.turns.empty()) {
-    SL_RETURN_IF_ERROR(write_turn_sheet(loaded, turns, options.turns));
-    json["turns"] = options.turns.string();
+  if (!options.symmetries.empty()) {
+    SL_RETURN_IF_ERROR(write_symmetry_sheet(loaded, symmetries, options.symmetries));
+    json["symmetries"] = options.symmetries.string();
   }
   if (!options.contact_sheet.empty()) {
     SL_ASSIGN(const auto sheet, draw_contact_sheet(*model, factory));
@@ -236,8 +237,8 @@ void add_model(CLI::App& app, Command& chosen) {
   command->add_option("--meters-per-unit", options->meters_per_unit, "of a mesh (default 1)")
       ->check(CLI::PositiveNumber);
   command->add_option("--contact-sheet", options->contact_sheet, "write a contact sheet (PNG)");
-  command->add_option("--turns", options->turns,
-                      "write a picture of what tells turns that look nearly the same (PNG)");
+  command->add_option("--symmetries", options->symmetries,
+                      "write a picture of near symmetries and what breaks them (PNG)");
   auto* cache_option = command->add_option("--cache", options->cache, "cache folder");
   command->add_flag("--no-cache", options->no_cache, "make it anew, write nothing")
       ->excludes(cache_option);

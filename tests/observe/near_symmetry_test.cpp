@@ -8,7 +8,7 @@
 #include <numbers>
 
 #include "sightline/geometry/mesh_surface.hpp"
-#include "sightline/observe/shape/turn_comparison.hpp"
+#include "sightline/observe/shape/symmetry_comparison.hpp"
 #include "sightline/pipeline/mesh_color_renderer.hpp"
 #include "sightline/pipeline/mesh_depth_renderer.hpp"
 #include "sightline/render/mesh/mesh_paint.hpp"
@@ -58,47 +58,48 @@ TEST(NearSymmetry, AMeshWithoutSurfaceIsRefused) {
   TriangleMesh mesh;
   mesh.vertices = {{0, 0, 0}};
   EXPECT_FALSE(find_near_symmetries(mesh, {}));
-  EXPECT_FALSE(TurnComparer::create(Eigen::Vector3d::Zero(), 0, 64, {}));
+  EXPECT_FALSE(SymmetryComparer::create(Eigen::Vector3d::Zero(), 0, 64, {}));
 }
 
 Rigid3 about(const Eigen::Vector3d& axis, double angle) {
   return Rigid3(Eigen::Quaterniond(Eigen::AngleAxisd(angle, axis)), Eigen::Vector3d::Zero());
 }
 
-TurnComparer comparer_of(const RenderMesh& mesh, bool colors) {
+SymmetryComparer comparer_of(const RenderMesh& mesh, bool colors) {
   const auto shared = std::make_shared<const RenderMesh>(mesh);
-  return TurnComparer::create(mesh.center.cast<double>(), double{mesh.radius}, 128,
-                              mesh_depth_renderer_factory(shared),
-                              colors ? mesh_color_renderer_factory(shared) : ColorRendererFactory())
+  return SymmetryComparer::create(
+             mesh.center.cast<double>(), double{mesh.radius}, 128,
+             mesh_depth_renderer_factory(shared),
+             colors ? mesh_color_renderer_factory(shared) : ColorRendererFactory())
       .value();
 }
 
-TEST(TurnComparison, SaysFromWhereAndByWhatATurnIsTold) {
-  TurnComparer comparer = comparer_of(
+TEST(SymmetryComparison, SaysFromWhereWhatBreaksItIsSeen) {
+  SymmetryComparer comparer = comparer_of(
       make_render_mesh(test::make_column_with_box({0.036f, 0, 0}, {0.014f, 0.006f, 0.05f})), false);
   std::vector<Rigid3> turns;
   for (int i = 1; i < 12; ++i) {
     turns.push_back(about(Eigen::Vector3d::UnitZ(), i * std::numbers::pi / 6));
   }
-  const TurnsTold told = comparer.from_all_sides(turns);
+  const SymmetryBreaking told = comparer.from_all_sides(turns);
   EXPECT_LT(told.hidden_from.x(), -0.5) << "the body hides the handle";
   EXPECT_LT(told.least, 0.02);
   EXPECT_GT(told.most, 0.05);
   EXPECT_EQ(told.color, 0);
-  ASSERT_TRUE(told.told_by);
-  EXPECT_GT(told.told_by->x(), 0.025) << "the handle, in the object's frame";
+  ASSERT_TRUE(told.centroid);
+  EXPECT_GT(told.centroid->x(), 0.025) << "the handle, in the object's frame";
 
   // A quarter turn, seen along the axis: the handle is only here, then only there.
-  const TurnComparison quarter = comparer.compare(Eigen::Vector3d::UnitZ(), turns[2]);
-  const auto count = [&](TurnComparison::Pixel kind) {
+  const SymmetryComparison quarter = comparer.compare(Eigen::Vector3d::UnitZ(), turns[2]);
+  const auto count = [&](SymmetryComparison::Pixel kind) {
     return static_cast<double>(std::count(quarter.pixels.begin(), quarter.pixels.end(), kind));
   };
-  EXPECT_GT(count(TurnComparison::Pixel::kOnlyAsIs), 50);
-  EXPECT_NEAR(count(TurnComparison::Pixel::kOnlyAsIs), count(TurnComparison::Pixel::kOnlyTurned),
-              20);
+  EXPECT_GT(count(SymmetryComparison::Pixel::kOnlyAsIs), 50);
+  EXPECT_NEAR(count(SymmetryComparison::Pixel::kOnlyAsIs),
+              count(SymmetryComparison::Pixel::kOnlyTurned), 20);
 }
 
-TEST(TurnComparison, ColorTellsWhatTheShapeDoesNot) {
+TEST(SymmetryComparison, ColorTellsWhatTheShapeDoesNot) {
   const TriangleMesh box = make_box({0.16f, 0.10f, 0.12f});
   MeshSurface surface;  // the side along +y is orange
   for (const auto& face : box.faces) {
@@ -118,10 +119,10 @@ TEST(TurnComparison, ColorTellsWhatTheShapeDoesNot) {
   paint_mesh(surface, {}, painted);
   const std::array half_turn = {about(Eigen::Vector3d::UnitZ(), std::numbers::pi)};
 
-  const TurnsTold shape = comparer_of(painted, false).from_all_sides(half_turn);
+  const SymmetryBreaking shape = comparer_of(painted, false).from_all_sides(half_turn);
   EXPECT_LT(shape.most, 0.03);
-  TurnComparer comparer = comparer_of(painted, true);
-  const TurnsTold told = comparer.from_all_sides(half_turn);
+  SymmetryComparer comparer = comparer_of(painted, true);
+  const SymmetryBreaking told = comparer.from_all_sides(half_turn);
   EXPECT_GT(std::abs(told.shown_from.y()), 0.8);
   EXPECT_GT(told.color, 0.9);
   EXPECT_LT(told.least, 0.03) << "seen along z or x nothing tells";

@@ -226,15 +226,15 @@ class Detect(TemporaryFolder):
         with open(sheet, "rb") as file:
             self.assertEqual(file.read(4), b"\x89PNG")
 
-    def test_says_and_draws_what_tells_turns_that_look_alike(self):
-        sheet = self.path("turns.png")
+    def test_says_and_draws_near_symmetries_and_what_breaks_them(self):
+        sheet = self.path("symmetries.png")
         cup = bundled("cup/objects/cup.toml")
-        answer = json.loads(sightline("model", cup, "--no-cache", "--json", "--turns", sheet)[0])
+        answer = json.loads(sightline("model", cup, "--no-cache", "--json", "--symmetries", sheet)[0])
         axis = answer["nearly_symmetric"][0]
         self.assertTrue(axis["any_turn"])
-        self.assertLess(axis["told"]["least_percent"], 2)
-        self.assertGreater(axis["told"]["most_percent"], 5)
-        x, y, _ = axis["told"]["around_mm"]
+        self.assertLess(axis["broken_by"]["least_percent"], 2)
+        self.assertGreater(axis["broken_by"]["most_percent"], 5)
+        x, y, _ = axis["broken_by"]["centroid_mm"]
         self.assertGreater((x * x + y * y) ** 0.5, 40)  # the handle, beside a body of 40 mm
         with open(sheet, "rb") as file:
             self.assertEqual(file.read(4), b"\x89PNG")

@@ -45,7 +45,7 @@ const FamilyMaker* find_family(const std::string& name) {
   return nullptr;
 }
 
-/// Gives the library its own table back: versions before 3.2 free it.
+/// Gives the family its own table of codes back, whoever frees that.
 struct DestroyFamily {
   void (*destroy)(apriltag_family_t*);
   uint64_t* codes;

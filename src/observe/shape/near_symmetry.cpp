@@ -8,18 +8,16 @@
 #include <cmath>
 #include <numbers>
 
+#include "observe/shape/side_view.hpp"
 #include "observe/shape/view_sphere.hpp"
-#include "sightline/geometry/rotation_between.hpp"
 
 namespace sightline {
 namespace {
 
 constexpr int kSide = 128;                                          // [px] of a picture
-constexpr double kDistance = 8;                                     // of the camera, in radii
 constexpr size_t kSteps = 24;                                       // of a full turn
 constexpr double kMaxDifference = 0.15;                             // of the silhouette, by a turn
 constexpr double kMaxAboutAxis = 0.2, kMaxSurfaceAboutAxis = 0.35;  // by every turn about an axis
-constexpr float kSameSurface = 0.06f;                               // of the radius
 constexpr double kMaxBeforeSteps = 0.3;  // the same of a turn about a principal axis exactly
 // A turn that changes more from the first views is not looked at from the others.
 constexpr double kFewViews = 8, kHopeless = 0.5;
@@ -68,7 +66,7 @@ class Picture {
         const float inverse = tile.row(y)[x];
         if (!(inverse > 0)) continue;
         depth_[static_cast<size_t>((tile.y + y) * kSide + tile.x + x)] =
-            static_cast<float>(1 / (double{inverse} * radius) - kDistance + 1) + 1e-6f;
+            static_cast<float>(1 / (double{inverse} * radius) - observe::kSideDistance + 1) + 1e-6f;
       }
     }
   }
@@ -78,7 +76,8 @@ class Picture {
       const bool a = depth_[i] > 0, b = other.depth_[i] > 0;
       either += a || b;
       one += a != b;
-      apart += a && b && std::abs(depth_[i] - other.depth_[i]) > kSameSurface;
+      apart += a && b &&
+               std::abs(depth_[i] - other.depth_[i]) > static_cast<float>(observe::kSameSurface);
     }
     const double all = std::max(1, either);
     return {one / all, (one + apart) / all};
@@ -92,7 +91,8 @@ class Comparison {
  public:
   Comparison(const Frame& frame, DepthRenderer& renderer) : frame_(frame), renderer_(renderer) {
     for (const Eigen::Vector3d& direction : observe::make_view_sphere(1).directions) {
-      views_.push_back({direction, looking_along(-direction), {}});
+      views_.push_back(
+          {direction, observe::side_pose(direction, frame_.middle, frame_.radius), {}});
       views_.back().picture.draw(renderer_, views_.back().camera_from_object, frame_.radius);
     }
   }
@@ -150,12 +150,6 @@ class Comparison {
       }
     }
     return out;
-  }
-
-  Rigid3 looking_along(const Eigen::Vector3d& axis) const {
-    const Eigen::Quaterniond rotation = rotation_between(axis, Eigen::Vector3d::UnitZ());
-    const Eigen::Vector3d in_front(0, 0, kDistance * frame_.radius);
-    return Rigid3(rotation, in_front - rotation * frame_.middle);
   }
 
   const Frame& frame_;
@@ -242,11 +236,7 @@ Result<NearSymmetries> find_near_symmetries(const TriangleMesh& mesh,
   if (!(frame.radius > 0)) {
     return make_error(ErrorCode::kInvalidInput, "near symmetry", "the mesh has no surface");
   }
-  CameraModel::Parameters parameters;
-  parameters.width = parameters.height = kSide;
-  parameters.fx = parameters.fy = 0.47 * kSide / std::tan(std::asin(1 / kDistance));
-  parameters.cx = parameters.cy = 0.5 * (kSide - 1);
-  SL_ASSIGN(const CameraModel camera, CameraModel::create(parameters, "near symmetry"));
+  SL_ASSIGN(const CameraModel camera, observe::side_camera(kSide));
   const std::unique_ptr<DepthRenderer> renderer = factory(camera);
   Comparison comparison(frame, *renderer);
   NearSymmetries out;

@@ -241,6 +241,16 @@ class Page(Desk):
         browser.wait_for("/^board\\.toml: /.test(document.querySelector('.capture-form select').selectedOptions[0]?.textContent ?? '')",
                          "the target is offered")
         self.assertEqual(browser.run(CONTRAST), [])
+        # Read-outs are solved for with a board in motion; the boxes say so.
+        labels = "[...document.querySelectorAll('.capture-form fieldset label')]"
+        checked = labels + ".filter((l) => l.firstChild.checked).map((l) => l.textContent)"
+        click = labels + ".find((l) => l.textContent === '{}').firstChild.click()"
+        browser.run(click.format("solve for rolling shutters"))
+        self.picture(browser, "form_light", whole=True)
+        self.assertEqual(browser.run(checked), ["board in motion", "solve for rolling shutters"])
+        self.assertLessEqual(browser.run("document.documentElement.scrollWidth"), 1280)
+        browser.run(click.format("board in motion"))
+        self.assertEqual(browser.run(checked), [])
         self.press(browser, "Start")
         for one in (browser, other):  # who looks elsewhere sees the same
             one.wait_for("!document.getElementById('capture').hidden", "it is shown")
@@ -281,11 +291,11 @@ class Page(Desk):
         browser.wait_for("/^(done|failed)$/.test(document.getElementById('capture').dataset.state)", "it is over")
         self.assertEqual(browser.problems, [])
 
-    def picture(self, browser, name):
+    def picture(self, browser, name, whole=False):
         """Where somebody wants to look at it (SIGHTLINE_SCREENSHOTS)."""
         folder = os.environ.get("SIGHTLINE_SCREENSHOTS")
         if folder:
-            browser.screenshot(os.path.join(folder, f"capture_{name}.png"))
+            browser.screenshot(os.path.join(folder, f"capture_{name}.png"), whole)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "model/turn_sheet.hpp"
+#include "model/symmetry_sheet.hpp"
 
 #include <algorithm>
 #include <array>
@@ -13,8 +13,8 @@ namespace {
 
 constexpr int kMapColumns = 36, kMapRows = 18;  // sides 10 degrees apart
 constexpr double kBright = 0.1;                 // share that is drawn white
-// By TurnComparison::Pixel: nothing, the same, only as it is, only turned, another surface, another
-// color.
+// By SymmetryComparison::Pixel: nothing, the same, only as it is, only turned, another surface,
+// another color.
 constexpr std::array<SheetColor, 6> kColors = {{{16, 128, 128},
                                                 {60, 128, 128},
                                                 {170, 50, 180},
@@ -24,18 +24,18 @@ constexpr std::array<SheetColor, 6> kColors = {{{16, 128, 128},
 
 class RowPainter {
  public:
-  RowPainter(Sheet& sheet, TurnComparer& comparer, int top)
+  RowPainter(Sheet& sheet, SymmetryComparer& comparer, int top)
       : sheet_(sheet), comparer_(comparer), side_(comparer.side()), top_(top) {}
 
   // The object as it is, turned, and what differs.
   void pictures(const Eigen::Vector3d& direction, std::span<const Rigid3> turns) {
-    const TurnComparison hardest = comparer_.hardest(direction, turns);
+    const SymmetryComparison hardest = comparer_.hardest(direction, turns);
     object(comparer_.as_it_is());
     object(comparer_.turned());
     cell([&](size_t at) { return kColors[static_cast<size_t>(hardest.pixels[at])]; });
   }
 
-  void map(std::span<const Rigid3> turns, TurnComparer& coarse) {
+  void map(std::span<const Rigid3> turns, SymmetryComparer& coarse) {
     const int width = 2 * side_;
     for (int row = 0; row < kMapRows; ++row) {
       for (int column = 0; column < kMapColumns; ++column) {
@@ -45,7 +45,7 @@ class RowPainter {
         const Eigen::Vector3d direction(std::cos(elevation) * std::cos(azimuth),
                                         std::cos(elevation) * std::sin(azimuth),
                                         std::sin(elevation));
-        const TurnComparison there = coarse.hardest(direction, turns);
+        const SymmetryComparison there = coarse.hardest(direction, turns);
         const double share = std::min(1.0, (there.surface + there.color) / kBright);
         const SheetColor color{static_cast<uint8_t>(20 + 215 * share), 128, 128};
         for (int y = row * side_ / kMapRows; y < (row + 1) * side_ / kMapRows; ++y) {
@@ -58,7 +58,7 @@ class RowPainter {
   }
 
  private:
-  void object(const TurnComparer::Picture& picture) {
+  void object(const SymmetryComparer::Picture& picture) {
     const auto [least, most] = depths(picture);
     cell([&picture, nearest = least, farthest = most](size_t at) {
       if (!(picture.depth[at] > 0)) return kColors[0];
@@ -69,7 +69,7 @@ class RowPainter {
       return SheetColor{static_cast<uint8_t>(60 + 150 * nearness), 128, 128};
     });
   }
-  static std::pair<float, float> depths(const TurnComparer::Picture& picture) {
+  static std::pair<float, float> depths(const SymmetryComparer::Picture& picture) {
     float nearest = INFINITY, farthest = 0;
     for (const float depth : picture.depth) {
       if (!(depth > 0)) continue;
@@ -89,21 +89,22 @@ class RowPainter {
   }
 
   Sheet& sheet_;
-  TurnComparer& comparer_;
+  SymmetryComparer& comparer_;
   int side_, top_, left_ = 0;
 };
 
 }  // namespace
 
-Result<std::shared_ptr<const Image>> draw_turn_sheet(std::span<const ListedTurn> turns,
-                                                     TurnComparer& comparer, TurnComparer& coarse) {
+Result<std::shared_ptr<const Image>> draw_symmetry_sheet(std::span<const ListedSymmetry> symmetries,
+                                                         SymmetryComparer& comparer,
+                                                         SymmetryComparer& coarse) {
   const int side = comparer.side();
-  Sheet sheet(8 * side, std::max(1, static_cast<int>(turns.size())) * side);
-  for (size_t i = 0; i < turns.size(); ++i) {
+  Sheet sheet(8 * side, std::max(1, static_cast<int>(symmetries.size())) * side);
+  for (size_t i = 0; i < symmetries.size(); ++i) {
     RowPainter row(sheet, comparer, static_cast<int>(i) * side);
-    row.pictures(turns[i].told.hidden_from, turns[i].turns);
-    row.pictures(turns[i].told.shown_from, turns[i].turns);
-    row.map(turns[i].turns, coarse);
+    row.pictures(symmetries[i].broken_by.hidden_from, symmetries[i].turns);
+    row.pictures(symmetries[i].broken_by.shown_from, symmetries[i].turns);
+    row.map(symmetries[i].turns, coarse);
   }
   return std::shared_ptr<const Image>(sheet.image());
 }

@@ -1,39 +1,33 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "sightline/observe/shape/turn_comparison.hpp"
+#include "sightline/observe/shape/symmetry_comparison.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
 
+#include "observe/shape/side_view.hpp"
 #include "observe/shape/view_sphere.hpp"
-#include "sightline/geometry/rotation_between.hpp"
 
 namespace sightline {
 namespace {
 
-constexpr double kDistance = 8;        // of the camera, in radii
-constexpr double kFilled = 0.94;       // of the picture, by the bounding sphere
-constexpr double kSameSurface = 0.06;  // of the radius
-constexpr int kSameColor = 30;         // of luma; chroma counts twice
-using Pixel = TurnComparison::Pixel;
+constexpr int kSameColor = 30;  // of luma; chroma counts twice
+using Pixel = SymmetryComparison::Pixel;
 
 }  // namespace
 
-TurnComparer::TurnComparer(const Eigen::Vector3d& center, double radius, const CameraModel& camera)
+SymmetryComparer::SymmetryComparer(const Eigen::Vector3d& center, double radius,
+                                   const CameraModel& camera)
     : center_(center), radius_(radius), camera_(camera) {}
 
-Result<TurnComparer> TurnComparer::create(const Eigen::Vector3d& center, double radius, int side,
-                                          const DepthRendererFactory& depth,
-                                          const ColorRendererFactory& colors) {
+Result<SymmetryComparer> SymmetryComparer::create(const Eigen::Vector3d& center, double radius,
+                                                  int side, const DepthRendererFactory& depth,
+                                                  const ColorRendererFactory& colors) {
   if (!(radius > 0)) {
-    return make_error(ErrorCode::kInvalidInput, "turns", "the mesh has no surface");
+    return make_error(ErrorCode::kInvalidInput, "near symmetry", "the mesh has no surface");
   }
-  CameraModel::Parameters parameters;
-  parameters.width = parameters.height = side;
-  parameters.fx = parameters.fy = 0.5 * kFilled * side / std::tan(std::asin(1 / kDistance));
-  parameters.cx = parameters.cy = 0.5 * (side - 1);
-  SL_ASSIGN(const CameraModel camera, CameraModel::create(parameters, "turns"));
-  TurnComparer comparer(center, radius, camera);
+  SL_ASSIGN(const CameraModel camera, observe::side_camera(side));
+  SymmetryComparer comparer(center, radius, camera);
   if (colors) {
     comparer.colors_ = colors(comparer.camera_);
   } else {
@@ -42,7 +36,7 @@ Result<TurnComparer> TurnComparer::create(const Eigen::Vector3d& center, double 
   return comparer;
 }
 
-void TurnComparer::draw(const Rigid3& camera_from_object, Picture& picture) {
+void SymmetryComparer::draw(const Rigid3& camera_from_object, Picture& picture) {
   const auto size = static_cast<size_t>(side()) * static_cast<size_t>(side());
   picture.depth.assign(size, 0);
   ColorTile tile;
@@ -64,11 +58,11 @@ void TurnComparer::draw(const Rigid3& camera_from_object, Picture& picture) {
   }
 }
 
-TurnComparison::Pixel TurnComparer::pixel(size_t at) const {
+SymmetryComparison::Pixel SymmetryComparer::pixel(size_t at) const {
   const bool here = as_is_.depth[at] > 0, there = turned_.depth[at] > 0;
   if (!here && !there) return Pixel::kNothing;
   if (here != there) return here ? Pixel::kOnlyAsIs : Pixel::kOnlyTurned;
-  if (std::abs(as_is_.depth[at] - turned_.depth[at]) > kSameSurface * radius_) {
+  if (std::abs(as_is_.depth[at] - turned_.depth[at]) > observe::kSameSurface * radius_) {
     return Pixel::kSurface;
   }
   for (size_t c = 0; colors_ && c < 3; ++c) {
@@ -78,14 +72,13 @@ TurnComparison::Pixel TurnComparer::pixel(size_t at) const {
   return Pixel::kSame;
 }
 
-TurnComparison TurnComparer::compare(const Eigen::Vector3d& direction, const Rigid3& turn) {
-  const Eigen::Quaterniond rotation = rotation_between(-direction, Eigen::Vector3d::UnitZ());
-  const Rigid3 camera_from_object(rotation,
-                                  Eigen::Vector3d(0, 0, kDistance * radius_) - rotation * center_);
+SymmetryComparison SymmetryComparer::compare(const Eigen::Vector3d& direction, const Rigid3& turn) {
+  const Rigid3 camera_from_object = observe::side_pose(direction, center_, radius_);
   if (direction != direction_) draw(camera_from_object, as_is_);
   direction_ = direction;
   draw(camera_from_object * turn, turned_);
-  TurnComparison out;
+  SymmetryComparison out;
+  out.pixels.reserve(as_is_.depth.size());
   std::array<double, 6> count{};
   Eigen::Vector3d differs = Eigen::Vector3d::Zero();
   double differing = 0;
@@ -105,16 +98,17 @@ TurnComparison TurnComparer::compare(const Eigen::Vector3d& direction, const Rig
   out.silhouette = (of(Pixel::kOnlyAsIs) + of(Pixel::kOnlyTurned)) / all;
   out.surface = out.silhouette + of(Pixel::kSurface) / all;
   out.color = of(Pixel::kColor) / all;
-  if (differing > 0) out.told_by = camera_from_object.inverse() * (differs / differing);
+  if (differing > 0) out.centroid = camera_from_object.inverse() * (differs / differing);
   return out;
 }
 
-TurnComparison TurnComparer::hardest(const Eigen::Vector3d& direction,
-                                     std::span<const Rigid3> turns) {
+SymmetryComparison SymmetryComparer::hardest(const Eigen::Vector3d& direction,
+                                             std::span<const Rigid3> turns) {
+  if (turns.size() == 1) return compare(direction, turns.front());
   const Rigid3* hardest = &turns.front();
   double least = 2;
   for (const Rigid3& turn : turns) {
-    const TurnComparison there = compare(direction, turn);
+    const SymmetryComparison there = compare(direction, turn);
     if (there.surface + there.color >= least) continue;
     least = there.surface + there.color;
     hardest = &turn;
@@ -122,11 +116,11 @@ TurnComparison TurnComparer::hardest(const Eigen::Vector3d& direction,
   return compare(direction, *hardest);
 }
 
-TurnsTold TurnComparer::from_all_sides(std::span<const Rigid3> turns) {
-  TurnsTold out;
+SymmetryBreaking SymmetryComparer::from_all_sides(std::span<const Rigid3> turns) {
+  SymmetryBreaking out;
   const auto sides = observe::make_view_sphere(1).directions;
   for (const Eigen::Vector3d& direction : sides) {
-    const TurnComparison there = hardest(direction, turns);
+    const SymmetryComparison there = hardest(direction, turns);
     const double told = there.surface + there.color;
     out.mean += told / static_cast<double>(sides.size());
     if (told < out.least) {
@@ -137,7 +131,7 @@ TurnsTold TurnComparer::from_all_sides(std::span<const Rigid3> turns) {
       out.most = told;
       out.color = there.color;
       out.shown_from = direction;
-      out.told_by = there.told_by;
+      out.centroid = there.centroid;
     }
   }
   return out;
