@@ -5,8 +5,8 @@
     bench/offsets.py [--bin build/release/bin] [--parts N] [--look LOOK] [--told] [--replay=--instant-search] RECORDING ...
 
 Cuts each recording at N places (0 to 3/4 of its length; the videos are encoded again, almost without loss, or to look
-as from another camera: gray, soft and noisy, of another white balance), replays each part by itself with `sightline
-replay --modalities region,edge,texture` and compares it with truth.csv or keyframes.csv. Prints per object the share
+as from another camera: gray, soft and noisy, of another white balance, in a dim room), replays each part by itself with
+`sightline replay --modalities region,edge,texture` and compares it with truth.csv or keyframes.csv. Prints per object the share
 of judged rows within 5 cm + 5 deg up to declared and shape's symmetries, wrong claims, and for each part rows within,
 wrong claims, median error and time of the first pose. --told: each object is told (`--start`) at its first pose in
 truth.csv, so that what is found is left out. Needs ffmpeg. Exits 2 for bad input."""
@@ -23,6 +23,7 @@ LOOKS = {"as-is": "",
          "gray": ",hue=s=0",
          "soft": ",gblur=sigma=1.0,noise=alls=10:allf=t",
          "warm": ",eq=gamma=1.25:saturation=0.65:contrast=0.9,colorbalance=rm=0.12:bm=-0.12",
+         "dim": ",lutyuv=y='16+0.35*(val-16)':u='128+0.35*(val-128)':v='128+0.35*(val-128)'",
          "exposure": ",eq=contrast='1+0.2*sin(5*t)':brightness='0.06*sin(5*t)':eval=frame"}
 POSE = ("tx", "ty", "tz", "qw", "qx", "qy", "qz")
 TRUTH_MARGIN_NS = 10_000_000  # for a camera's offset

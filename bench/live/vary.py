@@ -1,14 +1,16 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""A recording as other cameras, or a world of another size, would have given it:
+"""A recording as other cameras, a world of another size, or a worse mesh would have given it:
 
-    bench/live/vary.py [--pixels 2] [--every 2] [--world 4] RECORDING FOLDER
+    bench/live/vary.py [--pixels 2] [--every 2] [--world 4] [--look dim] [--mesh mixed] RECORDING FOLDER
 
 Writes it to FOLDER, which must not exist; videos are encoded again, almost without loss.
 --pixels: images so many times as wide and high (Lanczos; no more detail, as of a lens that is less sharp than the
 sensor), with lenses and boxes of visibility.csv; --every: every so many images, at a rate that is less by that;
 --world: the same images of a world so many times as large, that is meshes (.obj), places of cameras and of the truth
-(markers stay as they are).
+(markers stay as they are); --look: as bench/offsets.py; --mesh: what modellers and converters leave in meshes (.obj):
+faces that run either way (mixed), inside out, modeled from both sides (two-sided), and corners that nearly meet
+(split).
 What a search or a tracker makes of these should be what it makes of the recording. Needs ffmpeg. Exits 2 for bad input."""
 import pathlib
 import re
@@ -17,6 +19,8 @@ import subprocess
 import sys
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
+from mesh_faults import FAULTS  # noqa: E402
+from offsets import LOOKS  # noqa: E402
 from recording_tools import as_h264, load_object, load_recording, maker_parser, read_csv, write_csv  # noqa: E402
 
 ENCODE_S = 900
@@ -82,6 +86,7 @@ def thin_out(path, every):
 def encode(source, target, options):
     size = f"scale=trunc(iw*{options.pixels}+0.5):trunc(ih*{options.pixels}+0.5):flags=lanczos"
     chain = f"select='not(mod(n\\,{options.every}))',setpts=N/30/TB" + (f",{size}" if options.pixels != 1 else "")
+    chain += LOOKS[options.look]
     subprocess.run(["ffmpeg", "-v", "error", "-y", "-i", source, "-vf", chain, "-vsync", "0", "-an", "-c:v", "libx264",
                     "-crf", "8", "-preset", "veryfast", "-g", "15", "-pix_fmt", "yuv420p", "-color_range", "tv",
                     target], check=True, timeout=ENCODE_S)
@@ -102,6 +107,8 @@ def vary(recording, folder, options):
         enlarge_visibility(folder / "visibility.csv", options.pixels)
     if options.world != 1:
         scale_world(folder, options.world)
+    for mesh in folder.rglob("*.obj") if options.mesh else ():
+        FAULTS[options.mesh](mesh)
     return load_recording(folder)
 
 
@@ -110,6 +117,8 @@ def main():
     parser.add_argument("--pixels", type=float, default=1)
     parser.add_argument("--every", type=int, default=1)
     parser.add_argument("--world", type=float, default=1)
+    parser.add_argument("--look", choices=LOOKS, default="as-is")
+    parser.add_argument("--mesh", choices=FAULTS)
     options = parser.parse_args()
     if not 0.25 <= options.pixels <= 4:
         parser.error("--pixels: 0.25 to 4")
@@ -120,8 +129,9 @@ def main():
     if options.every > 1 and (options.recording.folder / "axes.csv").exists():
         parser.error(f"{options.recording.folder}: cameras that stand still only (axes.csv)")
     meshes = [load_object(path)["mesh"] for path in options.recording.objects]
-    if options.world != 1 and not all(mesh.endswith(".obj") for mesh in meshes):
-        parser.error(f"{options.recording.folder}: --world scales .obj files only, its meshes are {', '.join(meshes)}")
+    if (options.world != 1 or options.mesh) and not all(mesh.endswith(".obj") for mesh in meshes):
+        parser.error(f"{options.recording.folder}: --world and --mesh change .obj files only, its meshes are "
+                     f"{', '.join(meshes)}")
     vary(options.recording, options.folder, options)
     return 0
 

@@ -18,6 +18,7 @@
 
 #include "geometry/mesh_check.hpp"
 #include "geometry/mesh_readers.hpp"
+#include "geometry/repair/mesh_repair.hpp"
 #include "sightline/base/files.hpp"
 
 namespace sightline::geometry {
@@ -427,7 +428,10 @@ Result<MeshSurface> import_surface(std::string_view file, const std::string& for
               SceneReader(*scene, false, where, options).read());
     return {};
   }());
-  return SurfaceReader(*scene, directory, static_cast<float>(options.meters_per_unit)).read();
+  MeshSurface surface =
+      SurfaceReader(*scene, directory, static_cast<float>(options.meters_per_unit)).read();
+  repair_surface(&surface);
+  return surface;
 } catch (const std::exception& e) {
   return make_error(ErrorCode::kInvalidInput, where, "cannot read as {}: {}", format, e.what());
 }

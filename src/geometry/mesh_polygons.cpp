@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "geometry/mesh_readers.hpp"
+#include "geometry/repair/mesh_repair.hpp"
 
 namespace sightline::geometry {
 namespace {
@@ -103,6 +104,7 @@ Result<TriangleMesh> triangulate_polygons(const PolygonMesh& polygons, const std
     }
     start += count;
   }
+  repair_mesh(&mesh);
   return finish_mesh(std::move(mesh), where, options);
 }
 

@@ -11,6 +11,7 @@
 
 #include "observe/features/feature_match.hpp"
 #include "observe/features/orb_features.hpp"
+#include "observe/terms/exposure.hpp"
 #include "observe/terms/rig_pose.hpp"
 #include "sightline/base/log.hpp"
 
@@ -75,10 +76,8 @@ class FeatureDetector::Impl {
       }
       const PlaneView gray = frame.gray();
       seen.gray.resize(static_cast<size_t>(gray.width) * static_cast<size_t>(gray.height));
-      for (int y = 0; y < gray.height; ++y) {
-        std::copy_n(gray.row(y), gray.width,
-                    seen.gray.begin() + static_cast<ptrdiff_t>(y) * gray.width);
-      }
+      expose_luma(exposure_gain(gray), gray,
+                  {seen.gray.data(), gray.width, gray.height, gray.width});
       seen.info = info;
       seen.fresh = true;
       if (!info.place) continue;

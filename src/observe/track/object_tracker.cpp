@@ -5,6 +5,7 @@
 #include <optional>
 #include <utility>
 
+#include "observe/track/exposed_frames.hpp"
 #include "observe/track/learned_appearance.hpp"
 #include "observe/track/model_tracker.hpp"
 #include "observe/track/print/flat_print.hpp"
@@ -132,6 +133,7 @@ class ObjectTracker::Impl {
   std::vector<ObjectId> ids_;
   std::vector<std::unique_ptr<State>> states_;
   std::vector<OccludingSphere> spheres_;
+  observe::ExposedFrames frames_;
 };
 
 void ObjectTracker::Impl::gather_occluders(ObjectId object, Time time,
@@ -187,7 +189,7 @@ void ObjectTracker::Impl::initialize(State& state, const PoseAt& at, Time now) {
     // What it refutes is in force until the estimator has heard of it.
     if (found.refutes && turn > observe::tuning::kSymmetricJump) return;
     const size_t aspect = state.tracker.place(pose, spheres_);
-    state.appearance.initialize(*found.frame, state.tracker.outline(), aspect);
+    state.appearance.initialize(*frames_.show_like(found.frame), state.tracker.outline(), aspect);
   }
   state.found.reset();
 }
@@ -279,6 +281,7 @@ void ObjectTracker::Impl::step(const Frame& frame, std::span<const PoseTrackPtr>
                                std::vector<Observation>& out) {
   if (!usable(frame)) return;
   const Time capture = frame.info().capture;
+  const Frame* shown = nullptr;  // made once somebody looks
   for (auto& owned : states_) {
     State& state = *owned;
     state.last = {};
@@ -294,8 +297,9 @@ void ObjectTracker::Impl::step(const Frame& frame, std::span<const PoseTrackPtr>
     if (at.source == PoseSource::kNone || !has_pose(at.estimate.state)) continue;
     state.last.learned = learned;
     gather_occluders(object, capture, tracks);
+    if (shown == nullptr) shown = &frames_.show(frame);
     initialize(state, at, capture);
-    track(state, frame, at, (*found)->newest(), observation);
+    track(state, *shown, at, (*found)->newest(), observation);
   }
 }
 
@@ -307,7 +311,7 @@ Observation ObjectTracker::Impl::propose(const Frame& frame, ObjectId object, co
   State& state = *states_[static_cast<size_t>(at - ids_.begin())];
   spheres_.clear();
   state.last = state.tracker
-                   .measure(frame, {pose, covariance},
+                   .measure(frames_.show(frame), {pose, covariance},
                             {nullptr, nullptr, state.appearance.texture()}, spheres_, out.terms)
                    .result;
   if (out.terms.empty()) return out;

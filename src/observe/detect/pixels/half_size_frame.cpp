@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "observe/terms/exposure.hpp"
 #include "observe/terms/image_colors.hpp"
 #include "sightline/base/check.hpp"
 #include "sightline/image/convert.hpp"
@@ -65,9 +66,23 @@ void HalfSizeFrame::store(const Frame& frame, const CameraModel& camera, int shr
   for (size_t i = 0; i < half.size(); ++i) {
     shrink_into(half[i], shrink, image.width, image.height, image.planes[i]);
   }
-  image.in_color = has_colors(image.view(1), image.view(2));
   if (keep_full_luma) shrink_into(frame.gray(), shrink, width, height, full_luma);
+  expose(exposure_gain(image.view(0)));
+  image.in_color = has_colors(image.view(1), image.view(2));
   valid = true;
+}
+
+void HalfSizeFrame::expose(double gain) {
+  if (gain == 1) return;
+  const auto in_place = [](std::vector<uint8_t>& plane, int w, int h) {
+    return MutablePlaneView{plane.data(), w, h, w};
+  };
+  const int w = image.width, h = image.height;
+  expose_luma(gain, image.view(0), in_place(image.planes[0], w, h));
+  expose_color(gain, image.view(1), in_place(image.planes[1], w, h));
+  expose_color(gain, image.view(2), in_place(image.planes[2], w, h));
+  if (full_luma.empty()) return;
+  expose_luma(gain, {full_luma.data(), width, height, width}, in_place(full_luma, width, height));
 }
 
 void HalfSizeFrame::magnify(HalfSizeImage& to, const PixelBox& box) const {

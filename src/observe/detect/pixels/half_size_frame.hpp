@@ -42,8 +42,11 @@ struct HalfSizeFrame {
   /// The frame is not damaged, and of this size.
   static bool can_store(const Frame& frame, int width, int height);
   /// `camera`: as it is searched, `shrink` pixels of the frame in each direction are one there.
+  /// What is dark is exposed longer.
   void store(const Frame& frame, const CameraModel& camera, int shrink = 1,
              bool keep_full_luma = false);
+  /// Both images as if exposed so much longer (terms/exposure.hpp).
+  void expose(double gain);
   /// What a camera with twice as many pixels shows at half size, within a part of it; needs
   /// `full_luma`.
   void magnify(HalfSizeImage& to, const PixelBox& box) const;
