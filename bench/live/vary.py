@@ -9,8 +9,8 @@ Writes it to FOLDER, which must not exist; videos are encoded again, almost with
 sensor), with lenses and boxes of visibility.csv; --every: every so many images, at a rate that is less by that;
 --world: the same images of a world so many times as large, that is meshes (.obj), places of cameras and of the truth
 (markers stay as they are); --look: as bench/offsets.py; --mesh: what modellers and converters leave in meshes (.obj):
-faces that run either way (mixed), inside out, modeled from both sides (two-sided), and corners that nearly meet
-(split).
+faces that run either way (mixed), inside out, modeled from both sides (two-sided), corners that nearly meet (split),
+and small faces with noise, as of a scanner (scanned).
 What a search or a tracker makes of these should be what it makes of the recording. Needs ffmpeg. Exits 2 for bad input."""
 import pathlib
 import re

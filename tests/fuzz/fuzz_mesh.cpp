@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
@@ -6,6 +7,7 @@
 #include <string_view>
 
 #include "sightline/geometry/mesh.hpp"
+#include "sightline/geometry/mesh_edges.hpp"
 
 /// The first byte chooses the format, so that one corpus serves all readers.
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
@@ -26,6 +28,10 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     for (uint32_t n : face) {
       if (n >= mesh->normals.size() || !mesh->normals[n].allFinite()) std::abort();
     }
+  }
+  for (const sightline::MeshEdge& edge : sightline::feature_edges(*mesh, 0.5)) {
+    if (std::max(edge.start, edge.end) >= mesh->vertices.size()) std::abort();
+    if (std::max(edge.first_face, edge.second_face) >= mesh->faces.size()) std::abort();
   }
   return 0;
 }

@@ -22,7 +22,7 @@ namespace {
 
 constexpr uint64_t kMagic = 0x315357454956'4C53ULL;  // "SLVIEWS1"
 // Grows when the file or the way the samples are made changes.
-constexpr uint32_t kVersion = 5;
+constexpr uint32_t kVersion = 6;
 constexpr size_t kLargestFile = size_t{256} << 20;
 
 template <typename T>

@@ -7,8 +7,12 @@
 #include <cmath>
 #include <numeric>
 
+#include "sightline/geometry/mesh_edges.hpp"
+
 namespace sightline {
 namespace {
+
+constexpr uint32_t kNone = ~uint32_t{0};
 
 /// For each vertex of the file, the joined vertex that stands for its position.
 std::vector<uint32_t> join_vertices(const std::vector<Eigen::Vector3f>& points, RenderMesh& mesh) {
@@ -65,42 +69,15 @@ void add_face(const TriangleMesh& source, size_t face, const std::vector<uint32_
   if (!source.face_normals.empty()) mesh.face_corner_normals.push_back(source.face_normals[face]);
 }
 
-struct HalfEdge {
-  uint32_t low, high, face;
-};
-
-std::vector<HalfEdge> sorted_half_edges(const RenderMesh& mesh) {
-  std::vector<HalfEdge> edges;
-  edges.reserve(mesh.faces.size() * 3);
-  for (uint32_t f = 0; f < mesh.faces.size(); ++f) {
-    for (size_t k = 0; k < 3; ++k) {
-      const uint32_t a = mesh.faces[f][k];
-      const uint32_t b = mesh.faces[f][(k + 1) % 3];
-      edges.push_back({std::min(a, b), std::max(a, b), f});
-    }
-  }
-  std::sort(edges.begin(), edges.end(), [](const HalfEdge& a, const HalfEdge& b) {
-    if (a.low != b.low) return a.low < b.low;
-    if (a.high != b.high) return a.high < b.high;
-    return a.face < b.face;
-  });
-  return edges;
-}
-
-/// Borders, edges of more than two faces, and edges whose faces meet at more than the crease angle.
-void find_feature_edges(float crease_angle, RenderMesh& mesh) {
-  const double min_cosine = std::cos(static_cast<double>(crease_angle));
-  const std::vector<HalfEdge> edges = sorted_half_edges(mesh);
-  for (size_t i = 0; i < edges.size();) {
-    size_t end = i + 1;
-    while (end < edges.size() && edges[end].low == edges[i].low && edges[end].high == edges[i].high)
-      ++end;
-    const uint32_t first = edges[i].face;
-    const uint32_t second = end - i > 1 ? edges[i + 1].face : first;
-    const bool crease = mesh.normal(first).dot(mesh.normal(second)) < min_cosine;
-    if (end - i != 2 || crease)
-      mesh.feature_edges.push_back({edges[i].low, edges[i].high, first, second});
-    i = end;
+/// `prepared`: for each face of the file the one of the mesh; those without area have none.
+void find_feature_edges(const TriangleMesh& source, const std::vector<uint32_t>& joined,
+                        const std::vector<uint32_t>& prepared, RenderMesh& mesh) {
+  for (const MeshEdge& edge : feature_edges(source, static_cast<double>(mesh.crease_angle))) {
+    uint32_t first = prepared[edge.first_face], second = prepared[edge.second_face];
+    if (first == kNone) first = second;
+    if (second == kNone) second = first;
+    if (first != kNone)
+      mesh.feature_edges.push_back({joined[edge.start], joined[edge.end], first, second});
   }
 }
 
@@ -111,10 +88,15 @@ RenderMesh make_render_mesh(const TriangleMesh& source, const RenderMeshOptions&
   RenderMesh mesh;
   mesh.serial = ++count;
   const std::vector<uint32_t> joined = join_vertices(source.vertices, mesh);
-  for (size_t f = 0; f < source.faces.size(); ++f) add_face(source, f, joined, mesh);
+  std::vector<uint32_t> prepared;
+  for (size_t f = 0; f < source.faces.size(); ++f) {
+    const auto next = static_cast<uint32_t>(mesh.faces.size());
+    add_face(source, f, joined, mesh);
+    prepared.push_back(mesh.faces.size() > next ? next : kNone);
+  }
   mesh.corner_normals = source.normals;
   mesh.crease_angle = options.crease_angle;
-  find_feature_edges(options.crease_angle, mesh);
+  find_feature_edges(source, joined, prepared, mesh);
   mesh.min_corner = source.min_corner;
   mesh.max_corner = source.max_corner;
   mesh.center = source.center;
