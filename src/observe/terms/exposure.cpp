@@ -7,6 +7,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "sightline/base/vectors.hpp"
+
 namespace sightline::observe {
 namespace {
 
@@ -15,17 +17,37 @@ constexpr int kDark = 180, kWellExposed = 205;  // luma of one pixel in
 constexpr size_t kOneIn = 20;
 constexpr int kSamples = 100;  // of each row and column, about
 constexpr double kMostGain = 4;
+constexpr int kUnitBits = 5, kUnit = 1 << kUnitBits;  // of a gain
 
-void amplify(int zero, double gain, const PlaneView& from, const MutablePlaneView& to) {
-  std::array<uint8_t, 256> levels{};
-  for (int i = 0; i < 256; ++i) {
-    const long level = std::lround(zero + gain * (i - zero));
-    levels[static_cast<size_t>(i)] = static_cast<uint8_t>(std::clamp(level, 0L, 255L));
+/// A level less `zero` times a gain, and `zero` again; 16 bits hold all of it.
+struct Amplifier {
+  Amplifier(int zero, double gain)
+      : factor(static_cast<int16_t>(std::lround(kUnit * gain))),
+        below(static_cast<int16_t>((zero * factor + kUnit / 2) / kUnit - zero)) {}
+
+  template <typename Levels>
+  Levels operator()(Levels level) const {
+    Levels out = (level * factor + kUnit / 2) >> kUnitBits;
+    out = (out > below ? out : below + Levels{}) - below;
+    return out < 255 ? out : 255 + Levels{};
   }
+
+  int16_t factor, below;
+};
+
+void amplify(const Amplifier& amplified, const PlaneView& from, const MutablePlaneView& to) {
+  using Words [[gnu::vector_size(vectors::kBytes)]] = int16_t;
+  using vectors::HalfBytes;
+  constexpr int kLanes = vectors::kBytes / 2;
   for (int y = 0; y < to.height; ++y) {
     const uint8_t* source = from.row(y);
     uint8_t* target = to.row(y);
-    for (int x = 0; x < to.width; ++x) target[x] = levels[source[x]];
+    int x = 0;
+    for (; x + kLanes <= to.width; x += kLanes) {
+      const auto levels = __builtin_convertvector(vectors::load<HalfBytes>(source + x), Words);
+      vectors::store(target + x, __builtin_convertvector(amplified(levels), HalfBytes));
+    }
+    for (; x < to.width; ++x) target[x] = static_cast<uint8_t>(amplified(int{source[x]}));
   }
 }
 
@@ -44,15 +66,16 @@ double exposure_gain(const PlaneView& luma) {
   int level = 255;
   while (level > 0 && (brighter += counts[static_cast<size_t>(level)]) * kOneIn <= total) --level;
   if (level >= kDark) return 1;
-  return std::min(kMostGain, double{kWellExposed - kBlack} / std::max(1, level - kBlack));
+  const double wanted = double{kWellExposed - kBlack} / std::max(1, level - kBlack);
+  return std::round(kUnit * std::min(kMostGain, wanted)) / kUnit;
 }
 
 void expose_luma(double gain, const PlaneView& from, const MutablePlaneView& to) {
-  amplify(kBlack, gain, from, to);
+  amplify(Amplifier(kBlack, gain), from, to);
 }
 
 void expose_color(double gain, const PlaneView& from, const MutablePlaneView& to) {
-  amplify(kNoColor, gain, from, to);
+  amplify(Amplifier(kNoColor, gain), from, to);
 }
 
 }  // namespace sightline::observe

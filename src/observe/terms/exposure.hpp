@@ -6,8 +6,8 @@
 namespace sightline::observe {
 
 /// By how much an image (limited range) is darker than cameras expose: 1 where one pixel in twenty
-/// is as bright as 180, else what takes that pixel to 205, 4 at most. Limits of gradients and bins
-/// of colors are so many levels of an image that is exposed well.
+/// is as bright as 180, else what takes that pixel to 205, 4 at most, in steps of 1/32. Limits of
+/// gradients and bins of colors are so many levels of an image that is exposed well.
 double exposure_gain(const PlaneView& luma);
 
 /// What a longer exposure would have shown, in place or beside it (same sizes): luma above black
