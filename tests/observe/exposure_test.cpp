@@ -54,12 +54,12 @@ int largest_difference(const PlaneView& a, const PlaneView& b) {
 
 TEST(Exposure, WhatIsBrightStaysAsItIs) {
   EXPECT_EQ(gain_of(bright_frame()), 1);
-  EXPECT_EQ(gain_of(dimmed(bright_frame(), 0.8)), 1);
+  EXPECT_EQ(gain_of(dimmed(bright_frame(), 0.6)), 1);
 }
 
 TEST(Exposure, WhatIsDarkIsExposedLongerButNotWithoutEnd) {
   // 5 % of a ramp are above 95 % of it.
-  for (const double share : {0.6, 0.4, 0.25}) {
+  for (const double share : {0.5, 0.4, 0.25}) {
     EXPECT_NEAR(gain_of(dimmed(bright_frame(), share)), 189 / (0.95 * 219 * share), 0.06) << share;
   }
   EXPECT_EQ(gain_of(dimmed(bright_frame(), 0.05)), 4);
@@ -154,6 +154,19 @@ TEST(ExposedFrames, ColorsStayTrueWhileTheLightDoes) {
   EXPECT_NEAR(luma_at(Time(950ms), 0.40) - 16, 1.6 * (first - 16), 8) << "looked at a moment ago";
   EXPECT_NEAR(luma_at(Time(1300ms), 0.40), first, 8);
   EXPECT_NEAR(luma_at(Time(100ms), 1.0), 126, 1) << "played again from the start";
+}
+
+TEST(ExposedFrames, AtTheLimitOfDarknessTheyStayAsTheyAre) {
+  ExposedFrames frames;
+  const auto bright = [&](int i, double share) {  // as it is, or made brighter?
+    const FramePtr frame = dimmed(bright_frame(Time(i * 300ms)), share);
+    return &frames.show(*frame) == frame.get();
+  };
+  EXPECT_TRUE(bright(0, 0.56));
+  EXPECT_FALSE(bright(1, 0.53)) << "a twentieth is darker than 130";
+  for (int i = 2; i < 6; ++i) EXPECT_FALSE(bright(i, i % 2 == 0 ? 0.57 : 0.53)) << i;
+  EXPECT_TRUE(bright(6, 0.72));
+  EXPECT_TRUE(bright(7, 0.57));
 }
 
 TEST(ExposedFrames, AllocateNothingOnceWarm) {

@@ -12,8 +12,8 @@
 namespace sightline::observe {
 namespace {
 
-constexpr int kBlack = 16, kNoColor = 128;      // ITU-R BT.601
-constexpr int kDark = 180, kWellExposed = 205;  // luma of one pixel in
+constexpr int kBlack = 16, kNoColor = 128;                        // ITU-R BT.601
+constexpr int kDark = 130, kStillDark = 160, kWellExposed = 205;  // luma of one pixel in
 constexpr size_t kOneIn = 20;
 constexpr int kSamples = 100;  // of each row and column, about
 constexpr double kMostGain = 4;
@@ -53,7 +53,7 @@ void amplify(const Amplifier& amplified, const PlaneView& from, const MutablePla
 
 }  // namespace
 
-double exposure_gain(const PlaneView& luma) {
+double exposure_gain(const PlaneView& luma, bool was_dark) {
   const int step_x = std::max(1, luma.width / kSamples);
   const int step_y = std::max(1, luma.height / kSamples);
   std::array<size_t, 256> counts{};
@@ -65,7 +65,7 @@ double exposure_gain(const PlaneView& luma) {
   size_t brighter = 0;
   int level = 255;
   while (level > 0 && (brighter += counts[static_cast<size_t>(level)]) * kOneIn <= total) --level;
-  if (level >= kDark) return 1;
+  if (level >= (was_dark ? kStillDark : kDark)) return 1;
   const double wanted = double{kWellExposed - kBlack} / std::max(1, level - kBlack);
   return std::round(kUnit * std::min(kMostGain, wanted)) / kUnit;
 }

@@ -16,7 +16,7 @@ constexpr double kAnotherLight = 1.25;  // gain or its inverse, from which it ch
 const Frame& ExposedFrames::show(const Frame& frame) {
   const Time now = frame.info().capture;
   if (!looked_ || now < *looked_ || now - *looked_ >= kLook) {
-    const double wanted = exposure_gain(frame.gray());
+    const double wanted = exposure_gain(frame.gray(), gain_ > 1);
     const bool other = wanted > kAnotherLight * gain_ || kAnotherLight * wanted < gain_;
     if (!looked_ || other) gain_ = wanted;
     looked_ = now;

@@ -84,7 +84,7 @@ TEST(SearchSize, FramesBecomeMeansOfSquares) {
   constexpr int kWidth = 38, kHeight = 27, kShrink = 3;  // 2 x 6 and 2 x 4 whole squares
   const auto image = std::make_shared<Image>(kWidth, kHeight);
   const MutableI420View to = image->mutable_view();
-  const auto luma = [](int x, int y) { return 3 * x + 2 * y + 70; };
+  const auto luma = [](int x, int y) { return 3 * x + 2 * y + 40; };
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) to.y.row(y)[x] = static_cast<uint8_t>(luma(x, y));
   }
