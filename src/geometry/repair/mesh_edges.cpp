@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numeric>
 #include <tuple>
+#include <utility>
 
 namespace sightline {
 namespace {
@@ -156,8 +157,11 @@ std::vector<MeshEdge> feature_edges(const TriangleMesh& mesh, double crease_angl
     if (shared) bent += faces.length(edge);
   }
   if (mesh.faces.size() >= kManyFaces && bent > kMostCreases * 2 * double{mesh.radius}) {
-    std::erase_if(creases,
-                  [&](MeshEdge& edge) { return !faces.bent_as_a_whole(min_cosine, edge); });
+    std::vector<MeshEdge> of_the_shape;
+    for (MeshEdge edge : creases) {
+      if (faces.bent_as_a_whole(min_cosine, edge)) of_the_shape.push_back(edge);
+    }
+    creases = std::move(of_the_shape);
   }
   const auto borders = static_cast<ptrdiff_t>(out.size());
   out.insert(out.end(), creases.begin(), creases.end());
