@@ -27,6 +27,7 @@ struct GrayFrame {
   std::vector<uint8_t> gray;
   FrameInfo info;
   bool fresh = false;
+  ExposureGain exposure = {};
 };
 
 // Root mean square distance of the supporting points from their middle [m].
@@ -76,7 +77,7 @@ class FeatureDetector::Impl {
       }
       const PlaneView gray = frame.gray();
       seen.gray.resize(static_cast<size_t>(gray.width) * static_cast<size_t>(gray.height));
-      expose_luma(exposure_gain(gray), gray,
+      expose_luma(seen.exposure.update(gray), gray,
                   {seen.gray.data(), gray.width, gray.height, gray.width});
       seen.info = info;
       seen.fresh = true;

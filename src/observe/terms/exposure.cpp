@@ -15,8 +15,9 @@ namespace {
 constexpr int kBlack = 16, kNoColor = 128;                        // ITU-R BT.601
 constexpr int kDark = 130, kStillDark = 160, kWellExposed = 205;  // luma of one pixel in
 constexpr size_t kOneIn = 20;
-constexpr int kSamples = 100;  // of each row and column, about
+constexpr int kSamples = 50;  // of each row and column, about
 constexpr double kMostGain = 4;
+constexpr double kAnotherLight = 1.25;                // gain or its inverse, from which it changes
 constexpr int kUnitBits = 5, kUnit = 1 << kUnitBits;  // of a gain
 
 /// A level less `zero` times a gain, and `zero` again; 16 bits hold all of it.
@@ -51,9 +52,8 @@ void amplify(const Amplifier& amplified, const PlaneView& from, const MutablePla
   }
 }
 
-}  // namespace
-
-double exposure_gain(const PlaneView& luma, bool was_dark) {
+/// That one pixel in kOneIn reaches.
+int bright_level(const PlaneView& luma) {
   const int step_x = std::max(1, luma.width / kSamples);
   const int step_y = std::max(1, luma.height / kSamples);
   std::array<size_t, 256> counts{};
@@ -65,9 +65,23 @@ double exposure_gain(const PlaneView& luma, bool was_dark) {
   size_t brighter = 0;
   int level = 255;
   while (level > 0 && (brighter += counts[static_cast<size_t>(level)]) * kOneIn <= total) --level;
-  if (level >= (was_dark ? kStillDark : kDark)) return 1;
+  return level;
+}
+
+double gain_for(int level) {
   const double wanted = double{kWellExposed - kBlack} / std::max(1, level - kBlack);
   return std::round(kUnit * std::min(kMostGain, wanted)) / kUnit;
+}
+
+}  // namespace
+
+double ExposureGain::update(const PlaneView& luma) {
+  const int level = bright_level(luma);
+  const double wanted = level < (gain_ > 1 ? kStillDark : kDark) ? gain_for(level) : 1;
+  const bool other = wanted > kAnotherLight * gain_ || kAnotherLight * wanted < gain_;
+  if (!known_ || other) gain_ = wanted;
+  known_ = true;
+  return gain_;
 }
 
 void expose_luma(double gain, const PlaneView& from, const MutablePlaneView& to) {

@@ -2,17 +2,17 @@
 #pragma once
 
 #include <memory>
-#include <optional>
 
+#include "observe/terms/exposure.hpp"
 #include "sightline/model/frame.hpp"
 
 namespace sightline::observe {
 
-/// A camera's frames as if they had been exposed well (terms/exposure.hpp). What is learned of
-/// colors has to stay true from frame to frame, so the gain changes only where the light does. One
+/// A camera's frames, all of one size, as if they had been exposed well (terms/exposure.hpp). One
 /// thread at a time.
 class ExposedFrames {
  public:
+  ExposedFrames(int width, int height);
   /// The frame itself, where it is bright enough; else a brighter copy: valid until the next call.
   /// Allocates nothing once warm.
   const Frame& show(const Frame& frame);
@@ -22,10 +22,9 @@ class ExposedFrames {
  private:
   FramePtr exposed(const Frame& frame);
 
-  std::optional<Time> looked_;  // at how bright frames are
-  double gain_ = 1;
+  ExposureGain exposure_;
+  double gain_ = 1;  // of now
   std::shared_ptr<ImagePool> pool_;
-  int width_ = 0, height_ = 0;  // of its images
   FramePtr shown_;
 };
 

@@ -72,7 +72,8 @@ class ObjectTracker::Impl {
   Impl(const CalibratedCamera& camera, CameraId id, std::vector<TrackedObject> objects,
        const TrackerOptions& options, SceneDepth scene)
       : id_(id),
-        camera_(std::make_shared<const CalibratedCamera>(camera), options, std::move(scene)) {
+        camera_(std::make_shared<const CalibratedCamera>(camera), options, std::move(scene)),
+        frames_(camera.model.width(), camera.model.height()) {
     for (TrackedObject& object : objects) {
       ids_.push_back(object.id);
       states_.push_back(std::make_unique<State>(camera_, id, std::move(object)));

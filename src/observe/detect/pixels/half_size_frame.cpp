@@ -3,7 +3,6 @@
 
 #include <algorithm>
 
-#include "observe/terms/exposure.hpp"
 #include "observe/terms/image_colors.hpp"
 #include "sightline/base/check.hpp"
 #include "sightline/image/convert.hpp"
@@ -66,8 +65,9 @@ void HalfSizeFrame::store(const Frame& frame, const CameraModel& camera, int shr
   for (size_t i = 0; i < half.size(); ++i) {
     shrink_into(half[i], shrink, image.width, image.height, image.planes[i]);
   }
+  full_luma.clear();
   if (keep_full_luma) shrink_into(frame.gray(), shrink, width, height, full_luma);
-  expose(exposure_gain(image.view(0)));
+  expose(exposure.update(image.view(0)));
   image.in_color = has_colors(image.view(1), image.view(2));
   valid = true;
 }

@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "observe/terms/exposure.hpp"
 #include "sightline/geometry/camera_model.hpp"
 #include "sightline/image/planes.hpp"
 #include "sightline/model/frame.hpp"
@@ -38,6 +39,7 @@ struct HalfSizeFrame {
   HalfSizeImage image;             ///< half of that
   std::vector<uint8_t> full_luma;  ///< of that; empty: not wanted
   bool valid = false;
+  ExposureGain exposure;
 
   /// The frame is not damaged, and of this size.
   static bool can_store(const Frame& frame, int width, int height);
