@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "geometry/mesh_readers.hpp"
+#include "geometry/repair/half_edges.hpp"
 
 namespace sightline {
 
@@ -110,26 +111,15 @@ void weld_vertices(TriangleMesh* mesh) {
   mesh->vertices = std::move(kept);
 }
 
-bool collapsed(const Index3& f) { return f[0] == f[1] || f[1] == f[2] || f[2] == f[0]; }
-
-/// Every directed edge occurs once and so does its opposite. Slivers without area count, for the
-/// surface is closed with them.
+/// Every edge belongs to two faces that run along it in opposite directions. Slivers without area
+/// count, for the surface is closed with them.
 bool is_closed(const std::vector<Index3>& faces) {
-  std::vector<uint64_t> edges;
-  edges.reserve(3 * faces.size());
-  for (const Index3& f : faces) {
-    if (collapsed(f)) continue;
-    for (size_t i = 0; i < 3; ++i) {
-      edges.push_back(uint64_t{f[i]} << 32 | f[(i + 1) % 3]);
-    }
-  }
-  std::sort(edges.begin(), edges.end());
-  if (std::adjacent_find(edges.begin(), edges.end()) != edges.end()) return false;
-  std::vector<uint64_t> opposite(edges.size());
-  std::transform(edges.begin(), edges.end(), opposite.begin(),
-                 [](uint64_t e) { return e << 32 | e >> 32; });
-  std::sort(opposite.begin(), opposite.end());
-  return !edges.empty() && edges == opposite;
+  const std::vector<HalfEdge> edges = half_edges(faces);
+  bool closed = !edges.empty();
+  for_each_edge(edges, [&](std::span<const HalfEdge> sides) {
+    closed &= sides.size() == 2 && sides[0].forward != sides[1].forward;
+  });
+  return closed;
 }
 
 Eigen::Vector3d area_vector(const TriangleMesh& mesh, const Index3& f) {

@@ -5,7 +5,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <random>
+#include <utility>
+#include <vector>
 
 namespace sightline {
 namespace {
@@ -64,13 +67,13 @@ Judged judge(const TriangleMesh& mesh) {
   for (const MeshEdge& edge : feature_edges(mesh, kCrease)) {
     const Eigen::Vector3f a = mesh.vertices[edge.start], b = mesh.vertices[edge.end];
     const double length = static_cast<double>((b - a).norm());
-    EXPECT_NEAR(edge.along.norm(), 1, 1e-5);
-    EXPECT_GT(edge.along.dot(b - a), 0);
+    EXPECT_NEAR(edge.tangent.norm(), 1, 1e-5);
+    EXPECT_GT(edge.tangent.dot(b - a), 0);
     const auto [off, axis] = nearest_edge((a + b) / 2);
     out.length += length;
     if (off > 0.04f * mesh.radius) continue;
     out.right += length;
-    if (std::abs(edge.along[axis]) > 0.95f) out.straight += length;
+    if (std::abs(edge.tangent[axis]) > 0.95f) out.straight += length;
   }
   return out;
 }
@@ -81,7 +84,7 @@ TEST(FeatureEdges, OfABoxAreTwelve) {
   EXPECT_EQ(edges.size(), 12u);
   for (const MeshEdge& edge : edges) {
     EXPECT_NE(edge.first_face, edge.second_face);
-    EXPECT_FLOAT_EQ(edge.along.cwiseAbs().maxCoeff(), 1);
+    EXPECT_FLOAT_EQ(edge.tangent.cwiseAbs().maxCoeff(), 1);
   }
   EXPECT_TRUE(feature_edges(box, 1.6).empty()) << "right angles";
 }
@@ -105,12 +108,30 @@ TEST(FeatureEdges, SmallFacesMakeNoLines) {
 // Noise that bends a third of all edges more than a crease is.
 TEST(FeatureEdges, OfANoisyScanAreThoseOfTheShape) {
   const TriangleMesh scan = scanned_box(60, 0.0006f);
-  const TriangleMesh few = scanned_box(20, 0.0018f);  // the same noise, too few faces for a scan
+  const TriangleMesh few = scanned_box(20, 0.0018f);  // faces too large for means
   const Judged noise = judge(few), judged = judge(scan);
   EXPECT_LT(noise.right, 0.5 * noise.length) << "no noise to speak of";
   EXPECT_GT(judged.right, 0.97 * judged.length);
   EXPECT_GT(judged.straight, 0.9 * judged.length);
   EXPECT_GT(judged.length, 12 * static_cast<double>(kSide)) << "each edge shows";
+}
+
+// Where faces are no smaller than what a mean reaches over, they are the shape.
+TEST(FeatureEdges, OfACoarseModelAreAllItsCreases) {
+  const TriangleMesh torus = make_bumpy_torus(1500, 0.1f);
+  std::map<std::pair<uint32_t, uint32_t>, std::vector<Eigen::Vector3f>> normals;
+  for (const auto& f : torus.faces) {
+    const Eigen::Vector3f& p = torus.vertices[f[0]];
+    const Eigen::Vector3f normal =
+        (torus.vertices[f[1]] - p).cross(torus.vertices[f[2]] - p).normalized();
+    for (size_t i = 0; i < 3; ++i) normals[std::minmax({f[i], f[(i + 1) % 3]})].push_back(normal);
+  }
+  const double angle = 0.2;  // less than the way around the tube takes
+  const auto creases = std::count_if(normals.begin(), normals.end(), [&](const auto& edge) {
+    return edge.second[0].dot(edge.second[1]) < std::cos(angle);
+  });
+  EXPECT_GT(creases, 500);
+  EXPECT_EQ(feature_edges(torus, angle).size(), static_cast<size_t>(creases));
 }
 
 TEST(FeatureEdges, ANoisyRoundScanHasNone) {

@@ -5,26 +5,25 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <numeric>
 #include <tuple>
-#include <utility>
+
+#include "geometry/repair/half_edges.hpp"
 
 namespace sightline {
+
+using namespace geometry;
+
 namespace {
 
-constexpr uint32_t kNone = ~uint32_t{0};
-
-// A mesh of so many faces whose creases are so long, in diameters, is a scan with noise: models
-// have up to 65, those of so many faces up to 46.
-constexpr size_t kManyFaces = 8000;
-constexpr double kMostCreases = 55;
+// A surface of whose creases (by length) so many are none by its mean normals is noisy: of models
+// up to 0.03 are, of scans 0.36 and more.
+constexpr double kNoisyShare = 0.2;
 constexpr double kReach = 0.04;      // [radii] as far as a mean normal reaches
-constexpr float kAlong = 0.7f;       // cosine between an edge and the line that it is part of
+constexpr float kAlong = 0.7f;       // cosine between an edge and the crease that it is part of
+constexpr size_t kFewFaces = 12;     // whose mean says no more than they do
 constexpr size_t kMostFaces = 1000;  // of one mean
-
-struct HalfEdge {
-  uint32_t low, high, face;
-};
 
 /// For each vertex the first one at the same place: files split vertices at creases and seams.
 std::vector<uint32_t> joined_vertices(const std::vector<Eigen::Vector3f>& points) {
@@ -43,129 +42,117 @@ std::vector<uint32_t> joined_vertices(const std::vector<Eigen::Vector3f>& points
   return joined;
 }
 
-std::vector<HalfEdge> half_edges(const TriangleMesh& mesh) {
+std::vector<HalfEdge> joined_half_edges(const TriangleMesh& mesh) {
   const std::vector<uint32_t> joined = joined_vertices(mesh.vertices);
-  std::vector<HalfEdge> edges;
-  edges.reserve(mesh.faces.size() * 3);
-  for (uint32_t f = 0; f < mesh.faces.size(); ++f) {
-    for (size_t k = 0; k < 3; ++k) {
-      const uint32_t a = joined[mesh.faces[f][k]];
-      const uint32_t b = joined[mesh.faces[f][(k + 1) % 3]];
-      if (a != b) edges.push_back({std::min(a, b), std::max(a, b), f});
-    }
+  std::vector<std::array<uint32_t, 3>> faces = mesh.faces;
+  for (auto& face : faces) {
+    for (uint32_t& vertex : face) vertex = joined[vertex];
   }
-  std::sort(edges.begin(), edges.end(), [](const HalfEdge& a, const HalfEdge& b) {
-    return std::tie(a.low, a.high, a.face) < std::tie(b.low, b.high, b.face);
-  });
-  return edges;
+  return half_edges(faces);
 }
 
-/// What there is to know of a mesh's faces and of the edges between them.
-class Faces {
+/// Which edges are creases: by the normals of their two faces, or by mean normals to either side.
+class Creases {
  public:
-  explicit Faces(const TriangleMesh& mesh)
-      : mesh_(mesh), neighbors_(mesh.faces.size(), {kNone, kNone, kNone}) {
+  Creases(const TriangleMesh& mesh, double crease_angle)
+      : mesh_(mesh),
+        min_cosine_(static_cast<float>(std::cos(crease_angle))),
+        neighbors_(mesh.faces.size()),
+        visited_(mesh.faces.size(), 0) {
     for (const auto& face : mesh.faces) {
       const Eigen::Vector3f& p = mesh.vertices[face[0]];
-      across_.emplace_back((mesh.vertices[face[1]] - p).cross(mesh.vertices[face[2]] - p));
-      normals_.push_back(across_.back().normalized());
+      area_vectors_.emplace_back((mesh.vertices[face[1]] - p).cross(mesh.vertices[face[2]] - p));
     }
   }
 
-  bool bent(uint32_t a, uint32_t b, float min_cosine) const {
-    return !(normals_[a].dot(normals_[b]) >= min_cosine);
-  }
-  double length(const MeshEdge& edge) const {
-    return static_cast<double>((mesh_.vertices[edge.end] - mesh_.vertices[edge.start]).norm());
-  }
-  void join(uint32_t a, uint32_t b) {
-    for (const auto& [face, other] : {std::pair(a, b), std::pair(b, a)}) {
-      auto& slots = neighbors_[face];
-      *std::min_element(slots.begin(), slots.end(),
-                        [](uint32_t x, uint32_t y) { return (x == kNone) > (y == kNone); }) = other;
-    }
+  void join(const HalfEdge& a, const HalfEdge& b) { neighbors_.join(a, b); }
+
+  bool by_faces(const MeshEdge& edge) const {
+    return differ(area_vectors_[edge.first_face], area_vectors_[edge.second_face]);
   }
 
-  /// Do the means of the normals to either side of an edge differ as well, along the edge? Noise
-  /// does not. Turns the edge's direction to where the two sides meet.
-  bool bent_as_a_whole(float min_cosine, MeshEdge& edge) {
+  /// Also turns the tangent to where the two sides meet.
+  bool by_mean_normals(MeshEdge& edge) {
     const Eigen::Vector3f middle = (mesh_.vertices[edge.start] + mesh_.vertices[edge.end]) / 2;
-    gather(edge, middle);
+    gather_patch(edge, middle);
+    if (patch_.size() < kFewFaces) return by_faces(edge);
     Eigen::Vector3f up = Eigen::Vector3f::Zero();
-    for (const uint32_t f : around_) up += across_[f];
-    const Eigen::Vector3f aside = edge.along.cross(up);
-    std::array<Eigen::Vector3f, 2> sides = {Eigen::Vector3f::Zero(), Eigen::Vector3f::Zero()};
-    for (const uint32_t f : around_) sides[aside.dot(center(f) - middle) > 0 ? 1 : 0] += across_[f];
-    for (Eigen::Vector3f& side : sides) side.normalize();
-    if (sides[0].dot(sides[1]) >= min_cosine) return false;
-    const Eigen::Vector3f line = sides[0].cross(sides[1]).normalized();
-    const float with = line.dot(edge.along);
-    if (std::abs(with) < kAlong) return false;
-    edge.along = with > 0 ? line : Eigen::Vector3f(-line);
+    for (const uint32_t f : patch_) up += area_vectors_[f];
+    const Eigen::Vector3f aside = edge.tangent.cross(up);
+    Eigen::Vector3f left = Eigen::Vector3f::Zero(), right = left;
+    for (const uint32_t f : patch_)
+      (aside.dot(center(f) - middle) > 0 ? right : left) += area_vectors_[f];
+    if (!differ(left, right)) return false;
+    const Eigen::Vector3f crease = left.cross(right).normalized();
+    const float cosine = crease.dot(edge.tangent);
+    if (std::abs(cosine) < kAlong) return false;
+    edge.tangent = cosine > 0 ? crease : Eigen::Vector3f(-crease);
     return true;
   }
 
  private:
+  bool differ(const Eigen::Vector3f& a, const Eigen::Vector3f& b) const {
+    return !(a.normalized().dot(b.normalized()) >= min_cosine_);
+  }
   Eigen::Vector3f center(uint32_t f) const {
     const auto& face = mesh_.faces[f];
     return (mesh_.vertices[face[0]] + mesh_.vertices[face[1]] + mesh_.vertices[face[2]]) / 3;
   }
-  // The faces beside an edge and what hangs together with them nearby.
-  void gather(const MeshEdge& edge, const Eigen::Vector3f& middle) {
+  // The faces beside an edge and those connected with them nearby.
+  void gather_patch(const MeshEdge& edge, const Eigen::Vector3f& middle) {
     const float reach = static_cast<float>(kReach) * mesh_.radius;
-    around_ = {edge.first_face, edge.second_face};
-    seen_.resize(mesh_.faces.size(), kNone);
-    ++looks_;
-    seen_[edge.first_face] = seen_[edge.second_face] = looks_;
-    for (size_t i = 0; i < around_.size() && around_.size() < kMostFaces; ++i) {
-      for (const uint32_t f : neighbors_[around_[i]]) {
-        if (f == kNone || seen_[f] == looks_) continue;
-        seen_[f] = looks_;
-        if ((center(f) - middle).squaredNorm() <= reach * reach) around_.push_back(f);
+    patch_ = {edge.first_face, edge.second_face};
+    ++visit_;
+    visited_[edge.first_face] = visited_[edge.second_face] = visit_;
+    for (size_t i = 0; i < patch_.size() && patch_.size() < kMostFaces; ++i) {
+      for (const FaceNeighbor& neighbor : neighbors_.of(patch_[i])) {
+        const uint32_t f = neighbor.face;
+        if (f == kNoFace || visited_[f] == visit_) continue;
+        visited_[f] = visit_;
+        if ((center(f) - middle).squaredNorm() <= reach * reach) patch_.push_back(f);
       }
     }
   }
 
   const TriangleMesh& mesh_;
-  std::vector<std::array<uint32_t, 3>> neighbors_;  // of the edges that two faces share
-  std::vector<Eigen::Vector3f> across_, normals_;   // twice the area along the normal; unit
-  std::vector<uint32_t> seen_, around_;
-  uint32_t looks_ = 0;
+  float min_cosine_;
+  FaceNeighbors neighbors_;
+  std::vector<Eigen::Vector3f> area_vectors_;  // twice that
+  std::vector<uint32_t> visited_, patch_;
+  uint32_t visit_ = 0;
 };
+
+double length_of(const std::vector<MeshEdge>& edges, const TriangleMesh& mesh) {
+  double length = 0;
+  for (const MeshEdge& edge : edges)
+    length += static_cast<double>((mesh.vertices[edge.end] - mesh.vertices[edge.start]).norm());
+  return length;
+}
 
 }  // namespace
 
 std::vector<MeshEdge> feature_edges(const TriangleMesh& mesh, double crease_angle) {
-  const std::vector<HalfEdge> edges = half_edges(mesh);
-  Faces faces(mesh);
-  const auto min_cosine = static_cast<float>(std::cos(crease_angle));
-  std::vector<MeshEdge> out, creases;
-  double bent = 0;
-  for (size_t i = 0; i < edges.size();) {
-    size_t end = i + 1;
-    while (end < edges.size() && edges[end].low == edges[i].low && edges[end].high == edges[i].high)
-      ++end;
-    const uint32_t first = edges[i].face;
-    const uint32_t second = end - i > 1 ? edges[i + 1].face : first;
-    const Eigen::Vector3f way = mesh.vertices[edges[i].high] - mesh.vertices[edges[i].low];
-    const MeshEdge edge{edges[i].low, edges[i].high, first, second, way.normalized()};
-    const bool shared = end - i == 2;
-    i = end;
-    if (shared) faces.join(edge.first_face, edge.second_face);
-    if (shared && !faces.bent(edge.first_face, edge.second_face, min_cosine)) continue;
-    (shared ? creases : out).push_back(edge);
-    if (shared) bent += faces.length(edge);
-  }
-  if (mesh.faces.size() >= kManyFaces && bent > kMostCreases * 2 * double{mesh.radius}) {
-    std::vector<MeshEdge> of_the_shape;
-    for (MeshEdge edge : creases) {
-      if (faces.bent_as_a_whole(min_cosine, edge)) of_the_shape.push_back(edge);
+  Creases creases(mesh, crease_angle);
+  std::vector<MeshEdge> others, bent;
+  for_each_edge(joined_half_edges(mesh), [&](std::span<const HalfEdge> sides) {
+    const auto& [low, high, first_face, forward] = sides.front();
+    const Eigen::Vector3f way = mesh.vertices[high] - mesh.vertices[low];
+    const uint32_t second_face = sides.size() > 1 ? sides[1].face : first_face;
+    const MeshEdge edge{low, high, first_face, second_face, way.normalized()};
+    if (sides.size() != 2) {
+      others.push_back(edge);
+      return;
     }
-    creases = std::move(of_the_shape);
+    creases.join(sides[0], sides[1]);
+    if (creases.by_faces(edge)) bent.push_back(edge);
+  });
+  std::vector<MeshEdge> of_the_shape;
+  for (MeshEdge edge : bent) {
+    if (creases.by_mean_normals(edge)) of_the_shape.push_back(edge);
   }
-  const auto borders = static_cast<ptrdiff_t>(out.size());
-  out.insert(out.end(), creases.begin(), creases.end());
-  std::inplace_merge(out.begin(), out.begin() + borders, out.end(),
+  const bool noisy = length_of(of_the_shape, mesh) < (1 - kNoisyShare) * length_of(bent, mesh);
+  std::vector<MeshEdge> out;
+  std::ranges::merge(others, noisy ? of_the_shape : bent, std::back_inserter(out),
                      [](const MeshEdge& a, const MeshEdge& b) {
                        return std::tie(a.start, a.end) < std::tie(b.start, b.end);
                      });

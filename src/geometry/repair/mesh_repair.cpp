@@ -6,8 +6,9 @@
 #include <bit>
 #include <cmath>
 #include <numeric>
-#include <tuple>
 #include <utility>
+
+#include "geometry/repair/half_edges.hpp"
 
 namespace sightline::geometry {
 namespace {
@@ -20,8 +21,6 @@ constexpr double kOfShortEdge = 0.05;  // and of a short edge
 constexpr double kLeastThickness = 1e-6, kThicknessByHoles = 0.1;
 constexpr double kMostOpen = 0.25;  // share of holes in the area up to which there is an inside
 constexpr uint32_t kNone = ~uint32_t{0};
-
-bool collapsed(const Index3& f) { return f[0] == f[1] || f[1] == f[2] || f[2] == f[0]; }
 
 /// Finds vertices by their place.
 class PlaceGrid {
@@ -119,94 +118,49 @@ std::vector<uint32_t> same_places(const std::vector<Eigen::Vector3f>& vertices,
   return place;
 }
 
-struct HalfEdge {
-  uint32_t low, high, face;
-  bool forward;  // from low to high
-};
-
-bool same_edge(const HalfEdge& a, const HalfEdge& b) { return a.low == b.low && a.high == b.high; }
-
-/// The face beyond each of a face's edges that exactly two faces share.
-struct Neighbor {
-  uint32_t face = kNone;
-  bool opposed = false;  // it runs along the edge in the same direction
-};
-
+/// Gives the faces of each connected component one winding, outward where it has an outside.
 class Orientation {
  public:
   Orientation(const std::vector<Eigen::Vector3f>& vertices, const std::vector<Index3>& faces,
               std::vector<FaceRepair>* out)
       : vertices_(vertices), faces_(faces), out_(*out), neighbors_(faces.size()) {
-    find_neighbors();
+    for_each_edge(half_edges(faces), [this](std::span<const HalfEdge> sides) {
+      if (sides.size() == 2) neighbors_.join(sides[0], sides[1]);
+    });
   }
 
   void repair() {
     std::vector<bool> seen(faces_.size(), false);
     for (uint32_t f = 0; f < faces_.size(); ++f) {
-      if (!seen[f] && out_[f] != FaceRepair::kDrop) repair_part(f, seen);
+      if (!seen[f] && out_[f] != FaceRepair::kDrop) repair_component(f, seen);
     }
   }
 
  private:
-  void find_neighbors() {
-    std::vector<HalfEdge> edges;
-    edges.reserve(3 * faces_.size());
-    for (uint32_t f = 0; f < faces_.size(); ++f) {
-      if (out_[f] == FaceRepair::kDrop || collapsed(faces_[f])) continue;
-      for (size_t k = 0; k < 3; ++k) {
-        const uint32_t a = faces_[f][k], b = faces_[f][(k + 1) % 3];
-        edges.push_back({std::min(a, b), std::max(a, b), f, a < b});
-      }
-    }
-    std::sort(edges.begin(), edges.end(), [](const HalfEdge& a, const HalfEdge& b) {
-      return std::tie(a.low, a.high, a.face) < std::tie(b.low, b.high, b.face);
-    });
-    for (size_t i = 0; i < edges.size();) {
-      size_t end = i + 1;
-      while (end < edges.size() && same_edge(edges[i], edges[end])) ++end;
-      if (end - i == 2) join(edges[i], edges[i + 1]);
-      i = end;
-    }
-  }
-
-  void join(const HalfEdge& a, const HalfEdge& b) {
-    const auto add = [this](uint32_t face, const Neighbor& neighbor) {
-      for (Neighbor& slot : neighbors_[face]) {
-        if (slot.face != kNone) continue;
-        slot = neighbor;
-        return;
-      }
-    };
-    const bool opposed = a.forward == b.forward;
-    add(a.face, {b.face, opposed});
-    add(b.face, {a.face, opposed});
-  }
-
-  /// Everything that hangs together with a face, through edges of two faces.
-  void repair_part(uint32_t first, std::vector<bool>& seen) {
-    part_.assign(1, first);
+  void repair_component(uint32_t first, std::vector<bool>& seen) {
+    component_.assign(1, first);
     seen[first] = true;
-    bool one_sided = false;
-    for (size_t i = 0; i < part_.size(); ++i) {
-      const uint32_t f = part_[i];
-      for (const Neighbor& neighbor : neighbors_[f]) {
-        if (neighbor.face == kNone) continue;
-        const FaceRepair wanted = (out_[f] == FaceRepair::kReverse) != neighbor.opposed
+    bool orientable = true;
+    for (size_t i = 0; i < component_.size(); ++i) {
+      const uint32_t f = component_[i];
+      for (const FaceNeighbor& neighbor : neighbors_.of(f)) {
+        if (neighbor.face == kNoFace) continue;
+        const FaceRepair wanted = (out_[f] == FaceRepair::kReverse) == neighbor.consistent
                                       ? FaceRepair::kReverse
                                       : FaceRepair::kKeep;
         if (!seen[neighbor.face]) {
           seen[neighbor.face] = true;
           out_[neighbor.face] = wanted;
-          part_.push_back(neighbor.face);
+          component_.push_back(neighbor.face);
         } else if (out_[neighbor.face] != wanted) {
-          one_sided = true;
+          orientable = false;
         }
       }
     }
-    if (one_sided) {
-      for (const uint32_t f : part_) out_[f] = FaceRepair::kKeep;
+    if (!orientable) {
+      for (const uint32_t f : component_) out_[f] = FaceRepair::kKeep;
     } else if (is_inside_out()) {
-      for (const uint32_t f : part_) {
+      for (const uint32_t f : component_) {
         out_[f] = out_[f] == FaceRepair::kKeep ? FaceRepair::kReverse : FaceRepair::kKeep;
       }
     }
@@ -227,7 +181,7 @@ class Orientation {
   bool is_inside_out() const {
     Eigen::Vector3d holes = Eigen::Vector3d::Zero(), middle = holes;
     double area = 0, reversed = 0, volume = 0;
-    for (const uint32_t f : part_) {
+    for (const uint32_t f : component_) {
       const Eigen::Vector3d across = area_vector(f);
       holes += across / 2;
       area += across.norm() / 2;
@@ -236,7 +190,7 @@ class Orientation {
     }
     if (!(area > 0)) return false;
     middle /= area;
-    for (const uint32_t f : part_) volume += (corner(f, 0) - middle).dot(area_vector(f)) / 6;
+    for (const uint32_t f : component_) volume += (corner(f, 0) - middle).dot(area_vector(f)) / 6;
     const double open = holes.norm() / area;
     const double least = std::max(kLeastThickness, kThicknessByHoles * open);
     if (open < kMostOpen && std::abs(volume) > least * std::pow(area, 1.5)) return volume < 0;
@@ -246,12 +200,12 @@ class Orientation {
   const std::vector<Eigen::Vector3f>& vertices_;
   const std::vector<Index3>& faces_;
   std::vector<FaceRepair>& out_;
-  std::vector<std::array<Neighbor, 3>> neighbors_;
-  std::vector<uint32_t> part_;
+  FaceNeighbors neighbors_;
+  std::vector<uint32_t> component_;
 };
 
-/// Marks every face whose corners an earlier one has, in any order.
-void drop_copies(const std::vector<Index3>& faces, std::vector<FaceRepair>* out) {
+/// Marks every face whose corners an earlier one has, in any order, and collapses it.
+void drop_copies(std::vector<Index3>& faces, std::vector<FaceRepair>* out) {
   std::vector<std::pair<Index3, uint32_t>> sorted;
   sorted.reserve(faces.size());
   for (uint32_t f = 0; f < faces.size(); ++f) {
@@ -262,7 +216,9 @@ void drop_copies(const std::vector<Index3>& faces, std::vector<FaceRepair>* out)
   std::sort(sorted.begin(), sorted.end());
   for (size_t i = 1; i < sorted.size(); ++i) {
     const bool same = sorted[i].first == sorted[i - 1].first;
-    if (same && !collapsed(sorted[i].first)) (*out)[sorted[i].second] = FaceRepair::kDrop;
+    if (!same || collapsed(sorted[i].first)) continue;
+    (*out)[sorted[i].second] = FaceRepair::kDrop;
+    faces[sorted[i].second] = {0, 0, 0};
   }
 }
 

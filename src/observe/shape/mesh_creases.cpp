@@ -18,7 +18,7 @@ void append_edge(const TriangleMesh& mesh, const MeshEdge& edge, double spacing,
   const int points = static_cast<int>(std::min(1e5, std::ceil(double{length} / spacing)));
   for (int i = 0; i < points; ++i) {
     const float s = (static_cast<float>(i) + 0.5f) / static_cast<float>(points);
-    out.push_back({start + s * way, edge.along});
+    out.push_back({start + s * way, edge.tangent});
   }
 }
 
