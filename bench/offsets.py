@@ -24,6 +24,15 @@ LOOKS = {"as-is": "",
          "soft": ",gblur=sigma=1.0,noise=alls=10:allf=t",
          "warm": ",eq=gamma=1.25:saturation=0.65:contrast=0.9,colorbalance=rm=0.12:bm=-0.12",
          "dim": ",lutyuv=y='16+0.35*(val-16)':u='128+0.35*(val-128)':v='128+0.35*(val-128)'",
+         "cold": ",colorbalance=rm=-0.15:bm=0.15",
+         "contrast": ",eq=contrast=0.5",
+         "noise-4": ",noise=alls=8:allf=t",  # standard deviations of all planes, of 255
+         "noise-8": ",noise=alls=15:allf=t",
+         "noise-14": ",noise=alls=25:allf=t",
+         "defocus": ",gblur=sigma=2.5",
+         "flicker": ",lutyuv=y='16+(val-16)*0.94',eq=brightness='0.05*sin(1.9*n)':eval=frame",
+         "shadow": ",split[a][b];[b]crop=iw/2:ih:iw/2:0,lutyuv=y='16+0.35*(val-16)':u='128+0.35*(val-128)'"
+                   ":v='128+0.35*(val-128)'[c];[a][c]overlay=W/2:0",
          "exposure": ",eq=contrast='1+0.2*sin(5*t)':brightness='0.06*sin(5*t)':eval=frame"}
 POSE = ("tx", "ty", "tz", "qw", "qx", "qy", "qz")
 TRUTH_MARGIN_NS = 10_000_000  # for a camera's offset

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Faults that modellers and converters leave in meshes, put into .obj files. Textures stay, normals go."""
+import math
 import random
 import re
 
@@ -84,12 +85,9 @@ def split(mesh):
     write(mesh, lines, own_places, numbers(lines, "vt "), lambda f: [faces[id(f)]])
 
 
-def scanned(mesh):
-    """Triangles of a scanner: so fine that there are 30,000 or more, each corner off by 0.06 % of the mesh's size."""
-    chance = random.Random(3)
-    lines = lines_of(mesh)
-    places, textures = numbers(lines, "v "), numbers(lines, "vt ")
-    size = size_of(places)
+def finer(lines, places, textures, most):
+    """Triangles instead of the faces among the lines, divided into four until there are so many. New vertices are added;
+    returns the triangles of each face by its id."""
     middles = {}
 
     def middle(a, b):
@@ -101,7 +99,7 @@ def scanned(mesh):
             middles[key] = (len(places), len(textures) if a[1] and b[1] else None)
         return middles[key]
 
-    def finer(triangles):
+    def divided(triangles):
         out = []
         for a, b, c in triangles:
             ab, bc, ca = middle(a, b), middle(b, c), middle(c, a)
@@ -109,10 +107,95 @@ def scanned(mesh):
         return out
 
     faces = {id(f): [(f[0], f[i], f[i + 1]) for i in range(1, len(f) - 1)] for f in lines if not isinstance(f, str)}
-    while sum(map(len, faces.values())) < 30000:
-        faces = {key: finer(triangles) for key, triangles in faces.items()}
+    while sum(map(len, faces.values())) < most:
+        faces = {key: divided(triangles) for key, triangles in faces.items()}
+    return faces
+
+
+def scanned(mesh):
+    """Triangles of a scanner: so fine that there are 30,000 or more, each corner off by 0.06 % of the mesh's size."""
+    chance = random.Random(3)
+    lines = lines_of(mesh)
+    places, textures = numbers(lines, "v "), numbers(lines, "vt ")
+    size = size_of(places)
+    faces = finer(lines, places, textures, 30000)
     places[:] = [[x + chance.gauss(0, 6e-4) * size for x in place] for place in places]
     write(mesh, lines, places, textures, lambda f: faces[id(f)])
 
 
-FAULTS = {"mixed": mixed, "inside-out": inside_out, "two-sided": two_sided, "split": split, "scanned": scanned}
+def smooth(mesh):
+    """Edges rounded, as of a scanner that sees less: 10,000 triangles or more, whose corners move half way to the mean of
+    their neighbors, ten times."""
+    lines = lines_of(mesh)
+    places, textures = numbers(lines, "v "), numbers(lines, "vt ")
+    faces = finer(lines, places, textures, 10000)
+    neighbors = [set() for _ in places]
+    for a, b, c in (triangle for triangles in faces.values() for triangle in triangles):
+        for vertex, others in ((a, (b, c)), (b, (c, a)), (c, (a, b))):
+            neighbors[vertex[0] - 1].update(other[0] - 1 for other in others)
+    for _ in range(10):
+        places = [[x / 2 + sum(places[n][i] for n in near) / (2 * len(near)) for i, x in enumerate(place)] if near else place
+                  for place, near in zip(places, neighbors)]
+    write(mesh, lines, places, textures, lambda f: faces[id(f)])
+
+
+def coarse(mesh):
+    """Few faces: vertices are joined within cells of a twentieth of the mesh's size."""
+    lines = lines_of(mesh)
+    places = numbers(lines, "v ")
+    cell = size_of(places) / 20
+    cells = {}
+    for i, place in enumerate(places):
+        cells.setdefault(tuple(math.floor(x / cell) for x in place), []).append(i)
+    joined = {i: members for members in cells.values() for i in members}
+    new = [[sum(places[m][axis] for m in joined[i]) / len(joined[i]) for axis in range(3)] for i in range(len(places))]
+
+    def kept(f):
+        first = [(joined[vertex - 1][0] + 1, texture) for vertex, texture in f]
+        triangles = [(first[0], first[i], first[i + 1]) for i in range(1, len(first) - 1)]
+        return [t for t in triangles if len({vertex for vertex, _ in t}) == 3]
+
+    write(mesh, lines, new, numbers(lines, "vt "), kept)
+
+
+def normal(places, f):
+    a, b, c = (places[vertex - 1] for vertex, _ in f[:3])
+    u, v = [x - y for x, y in zip(b, a)], [x - y for x, y in zip(c, a)]
+    n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
+    return [x / (math.hypot(*n) or 1) for x in n]
+
+
+def opened(mesh):
+    """Without the side on which the object lay when it was scanned: what points down the mesh's shortest axis."""
+    lines = lines_of(mesh)
+    places = numbers(lines, "v ")
+    extents = [max(axis) - min(axis) for axis in zip(*places)]
+    shortest = extents.index(min(extents))
+    rewrite(mesh, lambda f: [f] if normal(places, f)[shortest] > -0.7 else [])
+
+
+def enlarged(mesh):
+    """One percent too large, about its middle."""
+    lines = lines_of(mesh)
+    places = numbers(lines, "v ")
+    middle = [(max(axis) + min(axis)) / 2 for axis in zip(*places)]
+    write(mesh, lines, [[m + 1.01 * (x - m) for x, m in zip(place, middle)] for place in places],
+          numbers(lines, "vt "), lambda f: [f])
+
+
+def plain(mesh):
+    """Without colors."""
+    text = mesh.read_text(encoding="utf-8")
+    mesh.write_text(re.sub(r"(?m)^(mtllib|usemtl) .*\n", "", text), encoding="utf-8")
+
+
+def faded(mesh):
+    """Colors as someone guessed them: half way to gray. Textures stay."""
+    for library in re.findall(r"(?m)^mtllib (.*)$", mesh.read_text(encoding="utf-8")):
+        path = mesh.parent / library.strip()
+        fade = lambda m: "Kd " + " ".join(f"{0.5 * float(x) + 0.25:.4f}" for x in m[1].split())  # noqa: E731
+        path.write_text(re.sub(r"(?m)^Kd (.*)$", fade, path.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+FAULTS = {"mixed": mixed, "inside-out": inside_out, "two-sided": two_sided, "split": split, "scanned": scanned,
+          "smooth": smooth, "coarse": coarse, "open": opened, "enlarged": enlarged, "plain": plain, "faded": faded}

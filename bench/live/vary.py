@@ -2,15 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """A recording as other cameras, a world of another size, or a worse mesh would have given it:
 
-    bench/live/vary.py [--pixels 2] [--every 2] [--world 4] [--look dim] [--mesh mixed] RECORDING FOLDER
+    bench/live/vary.py [--pixels 2] [--every 2] [--world 4] [--look dim] [--mesh mixed] [--rig bumped]
+                       [--quality 34] RECORDING FOLDER
 
 Writes it to FOLDER, which must not exist; videos are encoded again, almost without loss.
 --pixels: images so many times as wide and high (Lanczos; no more detail, as of a lens that is less sharp than the
 sensor), with lenses and boxes of visibility.csv; --every: every so many images, at a rate that is less by that;
 --world: the same images of a world so many times as large, that is meshes (.obj), places of cameras and of the truth
-(markers stay as they are); --look: as bench/offsets.py; --mesh: what modellers and converters leave in meshes (.obj):
-faces that run either way (mixed), inside out, modeled from both sides (two-sided), corners that nearly meet (split),
-and small faces with noise, as of a scanner (scanned).
+(markers stay as they are); --look: as bench/offsets.py; --mesh: what modellers, converters and scanners make of meshes
+(.obj), one of the functions of mesh_faults.py; --rig: what goes wrong with cameras, one of rig_faults.py; --quality:
+crf of the encoder (8).
 What a search or a tracker makes of these should be what it makes of the recording. Needs ffmpeg. Exits 2 for bad input."""
 import pathlib
 import re
@@ -22,6 +23,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
 from mesh_faults import FAULTS  # noqa: E402
 from offsets import LOOKS  # noqa: E402
 from recording_tools import as_h264, load_object, load_recording, maker_parser, read_csv, write_csv  # noqa: E402
+from rig_faults import RIG_FAULTS  # noqa: E402
 
 ENCODE_S = 900
 EDGES, AREA = ("xmin", "ymin", "xmax", "ymax"), "inimage_pixels"
@@ -83,13 +85,13 @@ def thin_out(path, every):
     write_csv(path, rows[0].keys(), kept)
 
 
-def encode(source, target, options):
+def encode(source, target, options, fault):
     size = f"scale=trunc(iw*{options.pixels}+0.5):trunc(ih*{options.pixels}+0.5):flags=lanczos"
     chain = f"select='not(mod(n\\,{options.every}))',setpts=N/30/TB" + (f",{size}" if options.pixels != 1 else "")
-    chain += LOOKS[options.look]
+    chain += LOOKS[options.look] + (f",{fault}" if fault else "")
     subprocess.run(["ffmpeg", "-v", "error", "-y", "-i", source, "-vf", chain, "-vsync", "0", "-an", "-c:v", "libx264",
-                    "-crf", "8", "-preset", "veryfast", "-g", "15", "-pix_fmt", "yuv420p", "-color_range", "tv",
-                    target], check=True, timeout=ENCODE_S)
+                    "-crf", str(options.quality), "-preset", "veryfast", "-g", "15", "-pix_fmt", "yuv420p",
+                    "-color_range", "tv", target], check=True, timeout=ENCODE_S)
 
 
 def vary(recording, folder, options):
@@ -100,8 +102,9 @@ def vary(recording, folder, options):
         path = folder / name
         text = as_h264(path.read_text(encoding="utf-8"))
         path.write_text(of_more_pixels(text, options.pixels) if options.pixels != 1 else text, encoding="utf-8")
-    for video in recording.videos.values():
-        encode(recording.folder / video, folder / video, options)
+    filters = RIG_FAULTS[options.rig](recording, folder) if options.rig else {}
+    for camera, video in recording.videos.items():
+        encode(recording.folder / video, folder / video, options, filters.get(camera))
     thin_out(folder / "frames.csv", options.every)
     if options.pixels != 1:
         enlarge_visibility(folder / "visibility.csv", options.pixels)
@@ -119,6 +122,8 @@ def main():
     parser.add_argument("--world", type=float, default=1)
     parser.add_argument("--look", choices=LOOKS, default="as-is")
     parser.add_argument("--mesh", choices=FAULTS)
+    parser.add_argument("--rig", choices=RIG_FAULTS)
+    parser.add_argument("--quality", type=int, default=8)
     options = parser.parse_args()
     if not 0.25 <= options.pixels <= 4:
         parser.error("--pixels: 0.25 to 4")
@@ -126,6 +131,8 @@ def main():
         parser.error("--every: 1 to 30")
     if not 0.01 <= options.world <= 100:
         parser.error("--world: 0.01 to 100")
+    if options.every > 1 and options.rig:
+        parser.error("--every and --rig: one of them")
     if options.every > 1 and (options.recording.folder / "axes.csv").exists():
         parser.error(f"{options.recording.folder}: cameras that stand still only (axes.csv)")
     meshes = [load_object(path)["mesh"] for path in options.recording.objects]

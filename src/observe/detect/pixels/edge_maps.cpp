@@ -47,7 +47,7 @@ void EdgeImage::compute(const HalfSizeImage& image, const PixelBox& box) {
   box_ = {std::clamp(box.left, 0, width_), std::clamp(box.top, 0, height_),
           std::clamp(box.right, 0, width_), std::clamp(box.bottom, 0, height_)};
   find_gradients(image);
-  choose_threshold();
+  choose_threshold(image.sharpness);
   thin();
 }
 
@@ -106,7 +106,7 @@ void EdgeImage::find_gradients(const HalfSizeImage& image) {
   }
 }
 
-void EdgeImage::choose_threshold() {
+void EdgeImage::choose_threshold(float sharpness) {
   sorted_.clear();
   // Every seventh pixel of the box, row by row.
   size_t skip = 0;
@@ -118,7 +118,8 @@ void EdgeImage::choose_threshold() {
   }
   const auto middle = sorted_.begin() + static_cast<ptrdiff_t>(sorted_.size() / 2);
   std::nth_element(sorted_.begin(), middle, sorted_.end());
-  threshold_ = sorted_.empty() ? kMinGradient : std::max(kMinGradient, kEdgeOverMedian * *middle);
+  const float least = kMinGradient * sharpness;
+  threshold_ = sorted_.empty() ? least : std::max(least, kEdgeOverMedian * *middle);
 }
 
 // Keeps what is a ridge across its own direction.

@@ -45,7 +45,7 @@ class EdgeImage {
   static PixelBox inner(const PixelBox& box);
   void clear(int width, int height);
   void find_gradients(const HalfSizeImage& image);
-  void choose_threshold();
+  void choose_threshold(float sharpness);
   void thin();
 
   int width_ = 0, height_ = 0;

@@ -2,6 +2,7 @@
 #include "observe/detect/pixels/half_size_frame.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "observe/terms/image_colors.hpp"
 #include "sightline/base/check.hpp"
@@ -16,6 +17,10 @@ void shrink_into(const PlaneView& from, int shrink, int width, int height,
   to.resize(static_cast<size_t>(width) * static_cast<size_t>(height));
   shrink_plane({from.data, width * shrink, height * shrink, from.stride}, shrink,
                {to.data(), width, height, width});
+}
+
+MutablePlaneView as_plane(std::vector<uint8_t>& bytes, int width, int height) {
+  return {bytes.data(), width, height, width};
 }
 
 // Each pixel of a plane of half that size four times, within a box.
@@ -68,27 +73,38 @@ void HalfSizeFrame::store(const Frame& frame, const CameraModel& camera, int shr
   full_luma.clear();
   if (keep_full_luma) shrink_into(frame.gray(), shrink, width, height, full_luma);
   expose(exposure.update(image.view(0)));
+  smooth();
   image.in_color = has_colors(image.view(1), image.view(2));
   valid = true;
 }
 
 void HalfSizeFrame::expose(double gain) {
   if (gain == 1) return;
-  const auto in_place = [](std::vector<uint8_t>& plane, int w, int h) {
-    return MutablePlaneView{plane.data(), w, h, w};
-  };
   const int w = image.width, h = image.height;
-  expose_luma(gain, image.view(0), in_place(image.planes[0], w, h));
-  expose_color(gain, image.view(1), in_place(image.planes[1], w, h));
-  expose_color(gain, image.view(2), in_place(image.planes[2], w, h));
+  expose_luma(gain, image.view(0), as_plane(image.planes[0], w, h));
+  expose_color(gain, image.view(1), as_plane(image.planes[1], w, h));
+  expose_color(gain, image.view(2), as_plane(image.planes[2], w, h));
   if (full_luma.empty()) return;
-  expose_luma(gain, {full_luma.data(), width, height, width}, in_place(full_luma, width, height));
+  expose_luma(gain, {full_luma.data(), width, height, width}, as_plane(full_luma, width, height));
+}
+
+void HalfSizeFrame::smooth() {
+  for (size_t i = 0; i < image.planes.size(); ++i) {
+    const int passes = smoothing[i].update(image.view(i));
+    filter.smooth(as_plane(image.planes[i], image.width, image.height), passes);
+    if (i == 0) image.sharpness = BinomialFilter::sharpness(passes);
+    // Pixels of half the size: the same blur takes four times as many passes.
+    if (i == 0 && !full_luma.empty()) {
+      filter.smooth(as_plane(full_luma, width, height), 4 * passes);
+    }
+  }
 }
 
 void HalfSizeFrame::magnify(HalfSizeImage& to, const PixelBox& box) const {
   to.width = width;
   to.height = height;
   to.in_color = image.in_color;
+  to.sharpness = image.sharpness;
   for (std::vector<uint8_t>& plane : to.planes) plane.resize(full_luma.size());
   for (int y = box.top; y < box.bottom; ++y) {
     const auto row = static_cast<ptrdiff_t>(y) * to.width;
@@ -114,6 +130,7 @@ void reduce(const HalfSizeImage& from, HalfSizeImage& to) {
   to.width = from.width / 2;
   to.height = from.height / 2;
   to.in_color = from.in_color;
+  to.sharpness = std::sqrt(from.sharpness);  // a blur of half as many pixels
   for (size_t plane = 0; plane < from.planes.size(); ++plane) {
     shrink_into(from.view(plane), 2, to.width, to.height, to.planes[plane]);
   }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "observe/terms/exposure.hpp"
+#include "observe/terms/noise.hpp"
 #include "sightline/geometry/camera_model.hpp"
 #include "sightline/image/planes.hpp"
 #include "sightline/model/frame.hpp"
@@ -24,6 +25,7 @@ struct HalfSizeImage {
   int width = 0, height = 0;
   std::array<std::vector<uint8_t>, 3> planes;  ///< Y, U, V; tightly packed
   bool in_color = true;                        ///< else grays of one tint
+  float sharpness = 1;  ///< of its luma: gradient of a step, as a share of that before smoothing
 
   const uint8_t* row(size_t plane, int y) const {
     return planes[plane].data() + static_cast<size_t>(y) * static_cast<size_t>(width);
@@ -40,15 +42,19 @@ struct HalfSizeFrame {
   std::vector<uint8_t> full_luma;  ///< of that; empty: not wanted
   bool valid = false;
   ExposureGain exposure;
+  std::array<Smoothing, 3> smoothing;  ///< of the half-size planes
+  BinomialFilter filter;
 
   /// The frame is not damaged, and of this size.
   static bool can_store(const Frame& frame, int width, int height);
   /// `camera`: as it is searched, `shrink` pixels of the frame in each direction are one there.
-  /// What is dark is exposed longer.
+  /// What is dark is exposed longer, what is noisy is smoothed.
   void store(const Frame& frame, const CameraModel& camera, int shrink = 1,
              bool keep_full_luma = false);
   /// Both images as if exposed so much longer (terms/exposure.hpp).
   void expose(double gain);
+  /// Both images as a lens that is less sharp would have shown them, where they are noisy.
+  void smooth();
   /// What a camera with twice as many pixels shows at half size, within a part of it; needs
   /// `full_luma`.
   void magnify(HalfSizeImage& to, const PixelBox& box) const;
