@@ -19,11 +19,13 @@ import tempfile
 from recording_tools import (add_replay_option, evaluate, load_recording, object_name, read_csv, recording_parser,
                              replay, up_to_symmetry, write_csv)
 
+DIM = ",lutyuv=y='16+0.35*(val-16)':u='128+0.35*(val-128)':v='128+0.35*(val-128)'"
 LOOKS = {"as-is": "",
          "gray": ",hue=s=0",
          "soft": ",gblur=sigma=1.0,noise=alls=10:allf=t",
          "warm": ",eq=gamma=1.25:saturation=0.65:contrast=0.9,colorbalance=rm=0.12:bm=-0.12",
-         "dim": ",lutyuv=y='16+0.35*(val-16)':u='128+0.35*(val-128)':v='128+0.35*(val-128)'",
+         "dim": DIM,
+         "dim-noise-4": DIM + ",noise=alls=8:allf=t",
          "cold": ",colorbalance=rm=-0.15:bm=0.15",
          "contrast": ",eq=contrast=0.5",
          "noise-4": ",noise=alls=8:allf=t",  # standard deviations of all planes, of 255
