@@ -166,6 +166,7 @@ TEST(HalfSizeFrame, IsSmoothedWhereItIsNoisy) {
 // As a camera's sensor gives it: every channel of every pixel for itself.
 TEST(NoisyRoom, WhatLiesThereIsFound) {
   const TriangleMesh mesh = test::make_truck();
+  const auto views = test::views_of(mesh);
   DetectorOptions range;
   range.nearest = 0.55;
   range.farthest = 0.9;
@@ -176,9 +177,8 @@ TEST(NoisyRoom, WhatLiesThereIsFound) {
     test::SceneRigOptions options = test::search_scene(mesh, test::resting(pose));
     options.sensor.read_noise = 20;
     const test::SceneRig rig(options);
-    const auto detector = ObjectDetector::create(ObjectId(0), test::views_of(mesh),
-                                                 test::detector_cameras(rig), range)
-                              .value();
+    const auto detector =
+        ObjectDetector::create(ObjectId(0), views, test::detector_cameras(rig), range).value();
     test::add_first_frames(
         rig, [&](CameraId id, const Frame& frame) { detector->add_frame(id, frame); });
     const Detection found = detector->detect();
