@@ -278,7 +278,8 @@ std::vector<Observation> ObjectSearch::search(Time now, std::span<const PoseTrac
     if (!check_due(target, now, tracks)) continue;
     if (checked == nullptr || (doubted(target) && !doubted(*checked))) checked = &target;
   }
-  // A check takes a tenth of a search, and until it is done nothing is claimed.
+  // A check takes a tenth of a search, or as long where it searches about the place, and until it
+  // is done nothing is claimed.
   if (checked != nullptr && (next == nullptr || doubted(*checked))) {
     set_others(*checked, now, tracks);
     check(*checked, now, tracks, out);
