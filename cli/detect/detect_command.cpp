@@ -49,7 +49,7 @@ struct ObjectTotals {
   std::map<std::string, StageTotals> stages;
   size_t best_right = 0, explained = 0;
   std::vector<double> truth_seen;  // cameras whose tracker sees the true pose
-  // DetectionTrace::second_share of the bests that score kScored.
+  // SearchEvidence::second_share of the bests that score kScored.
   std::vector<double> second_of_right, second_of_wrong;
 
   void add(const SetResult& result) {
@@ -64,7 +64,7 @@ struct ObjectTotals {
   void add(const Explanation& explanation) {
     if (explanation.best_score >= kScored) {
       (explanation.best_is_right ? second_of_right : second_of_wrong)
-          .push_back(explanation.trace.second_share);
+          .push_back(explanation.trace.best.second_share);
     }
     if (!explanation.at_truth) return;
     ++explained;
@@ -111,7 +111,13 @@ Json to_json(const Rigid3& pose) {
 Json to_json(const Explanation& explanation) {
   Json json{{"best_score", explanation.best_score},
             {"rival_score", explanation.rival_score},
-            {"second_share", explanation.trace.second_share}};
+            {"evidence",
+             {{"edge_share", explanation.trace.best.edge_share},
+              {"score", explanation.trace.best.score},
+              {"rival_share", explanation.trace.best.rival_share},
+              {"second_share", explanation.trace.best.second_share},
+              {"colors", explanation.trace.best.colors}}},
+            {"log_odds", explanation.trace.log_odds}};
   for (size_t i = 0; i < explanation.trace.stages.size(); ++i) {
     const auto& stage = explanation.trace.stages[i];
     Json row{{"stage", stage.name}, {"poses", stage.candidates.size()}, {"cpu_ms", stage.at_ms}};
@@ -123,6 +129,7 @@ Json to_json(const Explanation& explanation) {
   if (explanation.best) json["best"] = to_json(*explanation.best);
   if (explanation.at_truth) {
     json["best_is_right"] = explanation.best_is_right;
+    json["best_is_near_turn"] = explanation.best_is_near_turn;
     json["at_truth"] = to_json(*explanation.at_truth);
   }
   if (explanation.at_best) json["at_best"] = to_json(*explanation.at_best);
@@ -171,10 +178,10 @@ void print(const Explanation& explanation) {
   print(explanation.best_is_right ? "best (ok):" : "best:", *explanation.at_best);
   fmt::print(
       "  score of the best {:.2f}, of the best at another place {:.2f} of that; rank of another "
-      "pose at its place {:.2f} of its own\n",
+      "pose at its place {:.2f} of its own; log odds {:.1f}\n",
       explanation.best_score,
       explanation.best_score > 0 ? explanation.rival_score / explanation.best_score : 0.0,
-      explanation.trace.second_share);
+      explanation.trace.best.second_share, explanation.trace.log_odds);
 }
 
 void print(const std::string& object, const SetResult& result) {

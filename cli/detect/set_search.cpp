@@ -175,7 +175,12 @@ class SetSearcher {
     out.best = best;
     out.best_score = poses.front().score;
     out.rival_score = rival == poses.end() ? 0 : rival->score;
-    out.best_is_right = truth && right(*truth, best);
+    if (!truth) return;
+    out.best_is_right = right(*truth, best);
+    out.best_is_near_turn =
+        !out.best_is_right &&
+        std::ranges::any_of(shape().views->near_rotations(),
+                            [&](const Rigid3& turn) { return right(*truth * turn, best); });
   }
 
   ExplainedPose explained(const Rigid3& pose, Time time, const std::vector<FramePtr>& frames) {

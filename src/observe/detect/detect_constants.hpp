@@ -170,6 +170,9 @@ constexpr double kIndistinctSecond = 0.9;
 // Nor of what scores kClearContourScore with colors that agree so well: live, hammer and stapler
 // were refused at 0.7 and 0.56; the gun, taken for something else, has up to 0.46 there.
 constexpr double kColorsTell = 0.55;
+// Log odds of one search (search_odds.hpp): what is believed at once, what waits to be found again,
+// and what is enough for two in a row together.
+constexpr double kClearOdds = 3.5, kWeakOdds = 0.01, kOddsOfRow = 1.5;
 constexpr double kWeakSpeed = 1.0, kWeakTurnRate = 3.0;
 constexpr double kAgainSpeed = 0.5;  // [m/s] as far as the look about its place goes
 constexpr double kMaxSecondsBetweenWeak = 1.5;

@@ -49,9 +49,19 @@ class Belief : public testing::Test {
                            [](const Detection&) { return false; });
   }
 
+  // So many lines agree, at a score of 0.45; another place has so much of that.
+  Detection believe_faint(double edge_share, double rival) {
+    ContourPose best = made_contour(here, std::vector<double>(3, 0.45));
+    best.fit = made_fit(here, std::vector<double>(3, edge_share));
+    time_ += std::chrono::milliseconds(200);
+    return belief_.believe(frames_, {best, pose_of(elsewhere, rival * 0.45)}, Where::kEverywhere,
+                           time_, nullptr, [](const Detection&) { return false; });
+  }
+
   static std::shared_ptr<const ViewpointModel> views_;
   const Rigid3 here = turned(0.8, {1, 2, 3}, {0.03, -0.02, 0.01});
   const Rigid3 turned_here = here * turned(0.3, {0, 0, 1}, {0, 0, 0});
+  const Rigid3 elsewhere = Rigid3(Eigen::Quaterniond::Identity(), {0.5, 0, 0}) * here;
   test::SceneRig rig_;
   DetectorFrames frames_;
   DetectionJudge judge_;
@@ -84,6 +94,49 @@ TEST_F(Belief, OnePoseThatNoOtherComesNearToIsBelievedAtOnce) {
   ASSERT_TRUE(views_->near_rotations().empty());
   EXPECT_TRUE(believe(0.58, 0.6).poses.empty());
   EXPECT_EQ(believe(0.62, 0.6).poses.size(), 1u);
+}
+
+TEST_F(Belief, TurnsThatTheShapeHardlyTellsAreNoOtherPose) {
+  const auto views =
+      test::views_of(test::make_column_with_box({0.036f, 0, 0}, {0.014f, 0.006f, 0.05f}));
+  ASSERT_FALSE(views->near_rotations().empty());
+  const Rigid3 near = here * views->near_rotations().front();
+  const std::vector<ContourPose> poses = {pose_of(here, 0.8), pose_of(near, 0.76),
+                                          pose_of(here * turned(0.5, {1, 0, 0}, {0, 0, 0}), 0.4)};
+  EXPECT_NEAR(second_to_best(*views, poses), 0.76 * 0.76 / (0.8 * 0.8), 0.1);
+  EXPECT_NEAR(second_to_best(*views, poses, NearTurns::kSame), 0.5, 0.15);
+}
+
+// An object that hardly differs in color from what is behind it: lines agree, contours score low.
+TEST_F(Belief, WhatHardlyStandsOutIsBelievedByItsOdds) {
+  EXPECT_FALSE(believe_faint(0.75, 0).poses.empty()) << "beyond doubt";
+  EXPECT_TRUE(believe_faint(0.72, 0.88).poses.empty());
+  EXPECT_FALSE(believe_faint(0.72, 0.88).poses.empty()) << "found again";
+  for (int i = 0; i < 5; ++i) EXPECT_TRUE(believe_faint(0.5, 0).poses.empty()) << "too few lines";
+}
+
+TEST_F(Belief, OddsAreThoseOfSeveralCameras) {
+  const auto odds = [&](const std::vector<double>& cameras) {
+    const std::vector<ContourPose> poses = {made_contour(here, cameras)};
+    return ContourBelief::odds_of(poses, belief_.evidence_of(poses, time_, nullptr));
+  };
+  EXPECT_GT(odds({0.8, 0.8, 0.8}), 3);
+  EXPECT_LT(odds({0.4, 0.4, 0.4}), 0);
+  EXPECT_EQ(odds({0.9}), 0);
+  EXPECT_EQ(odds({0.9, 0.1, -1}), 0) << "one shows it";
+}
+
+TEST_F(Belief, EvidenceIsOfTheCamerasThatHaveIt) {
+  const std::vector<ContourPose> poses = {made_contour(here, {0.8, 0.6, -1}),
+                                          made_contour(elsewhere, {0.35, 0.35, 0.35})};
+  const SearchEvidence evidence = belief_.evidence_of(poses, time_, nullptr);
+  EXPECT_NEAR(evidence.edge_share, 0.7, 1e-9);
+  EXPECT_NEAR(evidence.score, 0.7, 1e-9);
+  EXPECT_NEAR(evidence.rival_share, 0.35 / 0.7, 1e-9);
+  EXPECT_EQ(evidence.second_share, 0);
+  EXPECT_EQ(evidence.colors, 0);
+  EXPECT_NEAR(belief_.evidence_of(poses, time_, nullptr, 0.63).rival_share, 0.9, 1e-9)
+      << "known before";
 }
 
 TEST_F(Belief, AmongEqualsNothingIsBelievedHoweverOften) {

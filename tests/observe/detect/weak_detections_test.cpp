@@ -33,6 +33,19 @@ TEST_F(Row, OthersHaveToBeThree) {
   EXPECT_TRUE(weak.confirms(found(0.4, 0.10, 0.55, 0.8)));
 }
 
+TEST_F(Row, TwoWhoseOddsAreEnoughTogetherAreEnough) {
+  const auto with_odds = [](double seconds, double odds) {
+    Detection out = found(seconds, 0, 0.45, 0.9);
+    out.log_odds = odds;
+    return out;
+  };
+  EXPECT_FALSE(weak.confirms(with_odds(0, 3))) << "one alone is not for it to believe";
+  EXPECT_TRUE(weak.confirms(with_odds(0.2, 0.1)));
+  EXPECT_FALSE(weak.confirms(with_odds(0.4, 0.3)));
+  EXPECT_FALSE(weak.confirms(with_odds(0.6, 0.3)));
+  EXPECT_TRUE(weak.confirms(with_odds(0.8, 0.3))) << "three are";
+}
+
 TEST_F(Row, SaysWhatGoesOn) {
   EXPECT_FALSE(weak.continued_by(found(0, 0, 0.65, 0.8)));
   EXPECT_FALSE(weak.confirms(found(0, 0, 0.65, 0.8)));

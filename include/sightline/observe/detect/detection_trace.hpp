@@ -9,6 +9,17 @@
 
 namespace sightline {
 
+/// What one search says of its best pose.
+struct SearchEvidence {
+  double edge_share = 0;    ///< of its lines that have an edge of their direction close by, mean
+                            ///< over the cameras that have the object's middle in their image
+  double score = 0;         ///< by contours, 0..1
+  double rival_share = 0;   ///< score of the best pose at another place, of its own
+  double second_share = 0;  ///< rank of the best other pose at its place, of its own; poses that
+                            ///< the shape hardly tells from it are not another one
+  double colors = 0;        ///< correlation of the mesh's colors with the images; 0: it has none
+};
+
 /// What each stage of one search has left, for those who want to know where the truth was lost.
 struct DetectionTrace {
   struct Candidate {
@@ -25,7 +36,8 @@ struct DetectionTrace {
   Time time{};                  ///< that the poses refer to
   bool moving = false;          ///< asked: where something moves only, if anything does
   std::vector<Stage> stages;
-  double second_share = 0;  ///< rank of the best other pose at the place of the best, of its own
+  SearchEvidence best;
+  double log_odds = 0;  ///< that the best pose is right; of two cameras and more
 };
 
 /// What the images say of one pose, stage by stage; means over the cameras that have the middle of

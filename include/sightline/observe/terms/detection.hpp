@@ -41,6 +41,7 @@ struct Detection {
   /// Score of the best pose by that, 0..1, as it was found; it is the evidence where nothing else
   /// speaks for it.
   double contour_score = 0;
+  double log_odds = 0;  ///< that the best pose is right, by this search alone; by contours only
 };
 
 }  // namespace sightline

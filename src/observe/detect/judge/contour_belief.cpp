@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "observe/detect/detect_constants.hpp"
+#include "observe/detect/judge/search_odds.hpp"
 #include "observe/detect/judge/second_to_best.hpp"
 
 namespace sightline::observe {
@@ -22,6 +23,7 @@ Detection ContourBelief::believe(const DetectorFrames& frames,
   const double agreement = agreement_of(contours.front(), time, colors);
   const bool tells = !indistinct(contours, colors != nullptr ? agreement : 0);
   if (tells && moved_as_one(frames, contours, where, time, found)) return found;
+  found.log_odds = odds_of(contours, evidence_of(contours, time, colors));
   decide(frames, contours, where, agreement, colors != nullptr, found);
   const bool confirmed = tells && weak_.confirms(found);
   if (!tells) weak_.keep(found);
@@ -41,6 +43,7 @@ Detection ContourBelief::believe(const DetectorFrames& frames,
 
 bool ContourBelief::clear(const Detection& found, const std::vector<ContourPose>& contours,
                           double agreement, bool has_colors) const {
+  if (found.log_odds >= kClearOdds) return true;
   const double score = found.poses.front().evidence;
   if (found.runner_up > kMaxContourRival * score) return false;
   if (score >= (has_colors ? kClearWithColors : kMinContourScore) && agreement >= kFewColorsAgree &&
@@ -76,6 +79,7 @@ Detection ContourBelief::believe_again(const DetectorFrames& frames,
     return moving;
   }
   Detection found = none;
+  found.log_odds = odds_of(contours, evidence_of(contours, time, colors, rival));
   decide(frames, contours, where, agreement, colors != nullptr, found);
   found.runner_up = std::max(found.runner_up, rival);
   if (!weak_.continued_by(found)) return none;
@@ -103,6 +107,30 @@ bool ContourBelief::contradicts(const Detection& by_edges, const DetectorFrames&
   return alone.poses.empty();
 }
 
+SearchEvidence ContourBelief::evidence_of(const std::vector<ContourPose>& contours, Time time,
+                                          const ColorVerifier* colors, double rival) const {
+  const ContourPose& best = contours.front();
+  SearchEvidence out;
+  int shown = 0;
+  for (size_t i = 0; i < best.cameras.size(); ++i) {
+    if (best.cameras[i] < 0) continue;
+    out.edge_share += best.fit.cameras[i].share();
+    ++shown;
+  }
+  out.edge_share /= std::max(1, shown);
+  out.score = best.score;
+  if (best.score > 0) out.rival_share = std::max(rival, judge_.best_rival(contours)) / best.score;
+  out.second_share = second_to_best(model_, contours, NearTurns::kSame);
+  if (colors != nullptr) out.colors = agreement_of(best, time, colors);
+  return out;
+}
+
+double ContourBelief::odds_of(const std::vector<ContourPose>& contours,
+                              const SearchEvidence& evidence) {
+  const auto shows = [](double contour) { return contour >= kMinCameraContour; };
+  return std::ranges::count_if(contours.front().cameras, shows) >= 2 ? log_odds(evidence) : 0;
+}
+
 double ContourBelief::agreement_of(const ContourPose& pose, Time time,
                                    const ColorVerifier* colors) {
   const RigMotion& motion = pose.fit.motion;
@@ -118,6 +146,11 @@ void ContourBelief::decide(const DetectorFrames& frames, const std::vector<Conto
       frames, contours, told_by_little ? kClearContourScore : kMinWeakScore,
       agreement < kNoColorsAgree ? kMaxContourRivalWithoutColors : kMaxWeakRival, found);
   if (found.poses.empty() && !frames.show_colors()) decide_alone(frames, contours, found);
+  // Where the object hardly stands out against what is behind it, neither score nor rivals reach
+  // those limits.
+  if (found.poses.empty() && found.log_odds >= kWeakOdds) {
+    judge_.decide_by_contour(frames, contours, 0, 1, found);
+  }
 }
 
 void ContourBelief::decide_moving(const DetectorFrames& frames,

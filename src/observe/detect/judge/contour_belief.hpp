@@ -10,6 +10,7 @@
 #include "observe/detect/judge/moving_detections.hpp"
 #include "observe/detect/judge/weak_detections.hpp"
 #include "sightline/observe/detect/color_verifier.hpp"
+#include "sightline/observe/detect/detection_trace.hpp"
 #include "sightline/observe/shape/viewpoint_model.hpp"
 
 namespace sightline::observe {
@@ -42,6 +43,12 @@ class ContourBelief {
   /// there, and by contours another place is about as good as the best.
   bool contradicts(const Detection& by_edges, const DetectorFrames& frames,
                    const std::vector<ContourPose>& contours, const ColorVerifier* colors) const;
+  /// What a search says of its best pose; `contours` must not be empty. `rival`: a score known of
+  /// another place, beside those of the others.
+  SearchEvidence evidence_of(const std::vector<ContourPose>& contours, Time time,
+                             const ColorVerifier* colors, double rival = 0) const;
+  /// log_odds(), which are those of several cameras; 0 where less than two show the best pose.
+  static double odds_of(const std::vector<ContourPose>& contours, const SearchEvidence& evidence);
   void clear() {
     weak_.clear();
     moving_.clear();

@@ -66,8 +66,8 @@ bool DetectionJudge::same_hypothesis(const JudgedPose& a, const JudgedPose& b) c
          angle < (proposed ? kSameProposedAngle : kSameFittedAngle);
 }
 
-bool DetectionJudge::elsewhere(const JudgedPose& a, const JudgedPose& b) const {
-  const Rigid3 &first = a.fit.motion.world_from_object, &second = b.fit.motion.world_from_object;
+bool DetectionJudge::elsewhere(const PoseFit& a, const PoseFit& b) const {
+  const Rigid3 &first = a.motion.world_from_object, &second = b.motion.world_from_object;
   return (first * center_ - second * center_).norm() > kOtherPlace * radius_;
 }
 
@@ -93,7 +93,7 @@ void DetectionJudge::decide(const DetectorFrames& frames, std::vector<JudgedPose
     const bool possible = (acceptable(pose, frames.size()) || pose.proposal != nullptr) &&
                           pose.evidence >= options_.margin * best.evidence;
     // Clutter has many such places, the object one.
-    if (possible && elsewhere(pose, best)) {
+    if (possible && elsewhere(pose.fit, best.fit)) {
       rivals.add(pose.fit.motion.world_from_object * center_, pose.evidence);
       if (rivals.strongest() == 0) continue;
       out.runner_up = rivals.strongest();
@@ -108,24 +108,29 @@ void DetectionJudge::decide(const DetectorFrames& frames, std::vector<JudgedPose
   report(frames, accepted, out);
 }
 
+double DetectionJudge::best_rival(const std::vector<ContourPose>& poses) const {
+  RivalPlaces rivals(kOtherPlace * radius_, alike_);
+  for (const ContourPose& pose : poses) {
+    if (!elsewhere(pose.fit, poses.front().fit)) continue;
+    rivals.add(pose.fit.motion.world_from_object * center_,
+               pose.score * pose.extent / poses.front().extent);
+  }
+  return rivals.strongest();
+}
+
 void DetectionJudge::decide_by_contour(const DetectorFrames& frames,
                                        const std::vector<ContourPose>& poses, double min_score,
                                        double max_rival, Detection& out) const {
   if (poses.empty() || poses.front().score < min_score) return;
   const ContourPose& best = poses.front();
-  const Eigen::Vector3d place = best.fit.motion.world_from_object * center_;
-  RivalPlaces rivals(kOtherPlace * radius_, alike_);
   std::vector<JudgedPose> here;
   for (const ContourPose& pose : poses) {
-    const Eigen::Vector3d center = pose.fit.motion.world_from_object * center_;
-    if ((center - place).norm() > kOtherPlace * radius_) {
-      rivals.add(center, pose.score * pose.extent / best.extent);
-    } else if (pose.score >= options_.margin * best.score) {
-      here.push_back({pose.fit, pose.score, pose.score, 0, nullptr, pose.cameras});
-    }
+    if (elsewhere(pose.fit, best.fit) || pose.score < options_.margin * best.score) continue;
+    here.push_back({pose.fit, pose.score, pose.score, 0, nullptr, pose.cameras});
   }
-  out.runner_up = std::max(out.runner_up, rivals.strongest());
-  if (rivals.strongest() > max_rival * best.score) return;
+  const double rival = best_rival(poses);
+  out.runner_up = std::max(out.runner_up, rival);
+  if (rival > max_rival * best.score) return;
   std::vector<const JudgedPose*> accepted;
   for (JudgedPose& pose : here) {
     const bool known = std::any_of(accepted.begin(), accepted.end(), [&](const JudgedPose* other) {

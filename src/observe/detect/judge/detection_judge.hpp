@@ -57,6 +57,9 @@ class DetectionJudge {
   /// possible, too.
   void decide_by_contour(const DetectorFrames& frames, const std::vector<ContourPose>& poses,
                          double min_score, double max_rival, Detection& out) const;
+  /// Score of the best of these poses at another place than the first, as it counts beside that; 0:
+  /// none.
+  double best_rival(const std::vector<ContourPose>& poses) const;
 
  private:
   /// Poses and observations of what is accepted, best first.
@@ -64,7 +67,7 @@ class DetectionJudge {
               Detection& out) const;
   bool same_hypothesis(const JudgedPose& a, const JudgedPose& b) const;
   /// Their middles are further apart than one place is wide.
-  bool elsewhere(const JudgedPose& a, const JudgedPose& b) const;
+  bool elsewhere(const PoseFit& a, const PoseFit& b) const;
   Observation observation_of(const DetectorFrames& frames, size_t camera,
                              const std::vector<const JudgedPose*>& poses) const;
   LinearizedTerm measurement(const DetectorFrames& frames, size_t camera, const JudgedPose& pose,

@@ -2,6 +2,7 @@
 #include "observe/detect/judge/weak_detections.hpp"
 
 #include <algorithm>
+#include <numeric>
 
 #include "observe/detect/detect_constants.hpp"
 
@@ -20,6 +21,13 @@ bool WeakDetections::confirms(const Detection& found) {
   if (found.poses.empty() || !follows(found)) clear();
   if (found.poses.empty()) return false;
   row_.push_back(found);
+  const double odds =
+      std::accumulate(row_.begin() + static_cast<ptrdiff_t>(uncounted_), row_.end(), 0.0,
+                      [](double sum, const Detection& each) { return sum + each.log_odds; });
+  if (row_.size() >= 2 + uncounted_ && odds >= kOddsOfRow) {
+    clear();
+    return true;
+  }
   const size_t needed = std::all_of(row_.begin(), row_.end(), stands_out) ? 2 : 3;
   if (row_.size() < needed + uncounted_) return false;
   clear();

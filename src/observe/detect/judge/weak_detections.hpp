@@ -16,8 +16,8 @@ class WeakDetections {
   WeakDetections(const Eigen::Vector3d& center, double radius) : center_(center), radius_(radius) {}
 
   /// Adds what a search has found (no pose: nothing), and says whether it is believed now: two in a
-  /// row that each stand out by score or from what is best elsewhere, or three, at places that fit
-  /// steady motion. Nothing is remembered then.
+  /// row whose odds are enough together, or that each stand out by score or from what is best
+  /// elsewhere, or three, at places that fit steady motion. Nothing is remembered then.
   bool confirms(const Detection& found);
   /// Adds what a search has found and what does not count, so that it is looked at again: unless
   /// something else waits.
