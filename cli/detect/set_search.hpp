@@ -59,7 +59,7 @@ struct Explanation {
   std::vector<std::optional<size_t>> ranks;  ///< of the first right pose after each stage
   std::optional<Rigid3> best;                ///< that the search ends with, believed or not
   bool best_is_right = false;
-  bool best_is_near_turn = false;  ///< right up to turns that the shape hardly tells
+  bool best_is_near_turn = false;          ///< right up to turns that the shape hardly tells
   double best_score = 0, rival_score = 0;  ///< rival: the best at another place
   std::optional<ExplainedPose> at_truth, at_best;
 };

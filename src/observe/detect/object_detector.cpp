@@ -189,9 +189,7 @@ class ObjectDetector::Impl {
         frames_, verification_.by_edges(frames_, hits), mesh_colors.get(), &trace, kMaxPool);
     sort_by_rank(poses);
     if (colors != nullptr) weigh_by_colors(*colors, trace.time, kLeastColors, poses);
-    if (poses.empty()) return;
-    trace.best = belief_.evidence_of(poses, trace.time, colors);
-    trace.log_odds = ContourBelief::odds_of(poses, trace.best);
+    if (!poses.empty()) belief_.explain(poses, colors, trace);
   }
 
   PoseAssessment assess(const Rigid3& world_from_object) const {

@@ -49,6 +49,12 @@ class ContourBelief {
                              const ColorVerifier* colors, double rival = 0) const;
   /// log_odds(), which are those of several cameras; 0 where less than two show the best pose.
   static double odds_of(const std::vector<ContourPose>& contours, const SearchEvidence& evidence);
+  /// Says so in `trace`, at its time.
+  void explain(const std::vector<ContourPose>& contours, const ColorVerifier* colors,
+               DetectionTrace& trace) const {
+    trace.best = evidence_of(contours, trace.time, colors);
+    trace.log_odds = odds_of(contours, trace.best);
+  }
   void clear() {
     weak_.clear();
     moving_.clear();
